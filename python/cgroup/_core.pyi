@@ -20,6 +20,7 @@ class _Grouping(TypedDict):  # fields of cgroup.types.Grouping
     alternative_scores: FloatArray | None
     ok: bool | None
     false_alarms: float | None
+    noise: float | None
     instances: BoolArray | None
 
 class _Rule(TypedDict):  # of cgroup.types.Rule

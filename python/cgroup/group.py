@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -29,6 +30,7 @@ __all__ = [
 ]
 
 
+_AUTO = "auto"  # of a tolerance: estimated
 _MEANT = 'give group(Correspondences(source, target), "gtm"), or call gtm(source, target)'
 
 
@@ -56,6 +58,7 @@ def group(
         "legacy_header"; "3dmatch" and "kitti", published constants in metres.
     **options
         Options of the method by their names, such as ``tolerance=0.1``; they win over the preset's.
+        ``tolerance="auto"`` estimates the resolution by `lc`, from the matches alone.
 
     Returns
     -------
@@ -92,6 +95,9 @@ def group(
     as_choice("preset", preset, PRESETS)
     defaults = _defaults(info.function)
     _refuse_unknown(info.name, options, defaults)
+    if isinstance(options.get("tolerance"), str) and options["tolerance"] == _AUTO:
+        correspondences = _with_estimated_resolution(correspondences, options.get("threads"))
+        options.pop("tolerance")
     fields = _fields_for(info, correspondences)
     chosen = {**defaults, **PRESETS[preset].get(info.name, {}), **options}
     positions = (correspondences.source, correspondences.target)
@@ -168,6 +174,12 @@ def group_many(
         return group(problem, method, preset=preset, **{**stoppable, **options})
 
     return work_side_by_side(given, group_one, workers)
+
+
+def _with_estimated_resolution(correspondences: Correspondences, threads: int | None) -> Correspondences:
+    """Return the correspondences with the resolution that suits them, by likelihood consensus."""
+    unknown = replace(correspondences, resolution=None)
+    return replace(unknown, resolution=group(unknown, "lc", threads=threads).diagnostics["resolution"])
 
 
 def check_method(

@@ -373,6 +373,9 @@ class Grouping:
     false_alarms : float or None
         How many groups as good as this one are to be expected where no correspondence is right; for methods
         that can tell (LC).
+    noise : float or None
+        Standard deviation of right correspondences, a length, for methods that estimate it (LC without a
+        tolerance).
     instances : (m,n) array of bool or None
         Groups of different rigid motions, each of which is `ok`, the best first: row 0 is `mask`. None unless
         several were asked for; no row unless the group is `ok`.
@@ -402,6 +405,7 @@ class Grouping:
     alternative_scores: FloatArray | None = None
     ok: bool | None = None
     false_alarms: float | None = None
+    noise: float | None = None
     instances: BoolArray | None = None
     rule: Rule | None = None
     _positions: tuple[RealArray, RealArray] | None = field(default=None, repr=False)

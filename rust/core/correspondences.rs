@@ -205,11 +205,17 @@ impl Correspondences {
         let Some(resolution) = self.resolution else {
             let remedy = format!(
                 "give `resolution` (mean nearest-neighbour distance of the clouds, see cgroup.features.resolution); \
-                 the paper's default is {factor} times it; or give `{name}`, a length in the data's unit"
+                 the paper's default is {factor} times it; or give `{name}`, a length in the data's unit, or let \
+                 cgroup.group(matches, method, tolerance=\"auto\") estimate it"
             );
             return Err(Error::invalid(name, "nothing", remedy));
         };
         Ok(factor * resolution)
+    }
+
+    /// The resolution, if it is known.
+    pub fn resolution(&self) -> Option<f64> {
+        self.resolution
     }
 
     /// Centroid of the source cloud relative to the source points' centre, if it is known.

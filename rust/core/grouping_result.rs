@@ -25,6 +25,8 @@ pub struct Grouping {
     pub ok: Option<bool>,
     /// Groups as good as this one to be expected in an input in which no correspondence is right.
     pub false_alarms: Option<f64>,
+    /// Standard deviation of right correspondences, a length, for methods that estimate it.
+    pub noise: Option<f64>,
     /// A mask for each rigid motion that is `ok`, the group's first, where several were asked for.
     pub instances: Option<Vec<Vec<bool>>>,
     /// The rule that decided.

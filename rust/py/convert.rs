@@ -201,6 +201,7 @@ pub struct PyGrouping<'py> {
     alternative_scores: Option<Bound<'py, PyArray1<f64>>>,
     ok: Option<bool>,
     false_alarms: Option<f64>,
+    noise: Option<f64>,
     instances: Option<Bound<'py, PyArray2<bool>>>,
 }
 
@@ -273,6 +274,7 @@ pub fn grouping(py: Python<'_>, result: Grouping) -> PyResult<PyParts<'_>> {
         alternative_scores: alternatives.map(scores).transpose()?,
         ok: result.ok,
         false_alarms: result.false_alarms,
+        noise: result.noise,
         instances,
     };
     Ok((parts, rule, agreement))

@@ -351,7 +351,8 @@ CASES: dict[str, MethodCase] = {
             Trial({"ratio": Field("ratio")}),
             Trial({"tolerance": Pr(6.0)}),
             Trial({"tolerance": Pr(1.0)}),
-            WITHOUT_RESOLUTION,
+            Trial({"resolution": None}),
+            Trial({"resolution": Pr(0.2), "ratio": Field("ratio")}),
             Trial({"modes": 1}, {"tolerance": Pr(0.5)}),
             Trial({"modes": 3}, {"tolerance": Pr(0.5), "ratio": Field("ratio")}),
             Trial(FRAMED, shows=False),  # frames that are no better than the positions don't count

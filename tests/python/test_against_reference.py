@@ -219,7 +219,8 @@ def same_confidence(found: Any, reference: ReferenceGrouping) -> bool:
         return False
     same_rows = reference.instances is None or np.array_equal(found.instances, reference.instances)
     same_number = np.isclose(found.false_alarms, reference.false_alarms, rtol=1e-6, atol=0.0)
-    return bool(found.ok == reference.ok and same_number and same_rows)
+    same_noise = found.noise == reference.noise or np.isclose(found.noise or 0.0, reference.noise or 0.0)
+    return bool(found.ok == reference.ok and same_number and same_rows and same_noise)
 
 
 def same_motions(found: Any, reference: ReferenceGrouping, problem: Problem) -> bool:

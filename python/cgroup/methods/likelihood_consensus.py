@@ -57,10 +57,13 @@ def lc(
     source_lrf, target_lrf : (n,3,3) array_like of float, optional
         Local reference frames, rows are axes; NaN for none. A match without them is judged by its position.
     resolution : float, optional
-        Mean nearest-neighbour distance of the clouds.
+        Mean nearest-neighbour distance of the clouds; one that is wrong by a factor of 4 finds the same pose.
     tolerance : float, optional
-        Greatest distance difference of two that agree, a length; default ``3 * resolution``. For dense
-        matches of clouds thinned to voxels of side v, ``1.2 * v``.
+        Greatest distance difference of two that agree, a length, from which all others follow. By default
+        ``3 * resolution``, and where that leaves no sure answer, other powers of 2 times that; without a
+        resolution from 0.8 times the distance of neighbouring points on. The pose is then refined by the
+        noise under it, `Grouping.noise`. For dense matches of clouds thinned to voxels of side v,
+        ``1.2 * v``.
     modes : int
         Most poses in `Grouping.alternatives`, the best among them.
     instances : int
@@ -82,15 +85,17 @@ def lc(
         pose. Its scores are probabilities to be right, given that pose; `Grouping.alternatives` has the
         other poses too. `Grouping.false_alarms` is ``n^3/6 P(Poisson(lambda) >= k - 3)`` for k supporters
         that lie ``7/3 * tolerance`` apart, of which chance gives lambda where the targets lie as they do;
-        infinite where a mirror image fits better. Without a pose that three correspondences support, the
-        group is empty.
+        times the number of tolerances there are to try; infinite where a mirror image fits as well. The
+        diagnostics say under ``dimensions`` whether the group's points span a body (3), a plane (2) or a line
+        (1), and under ``resolution`` a third of the tolerance that was taken. Without a pose that three
+        correspondences support, the group is empty.
 
     Raises
     ------
     InputError
         If points aren't (n,3), finite and as many on both sides, or a ratio or a frame isn't what it should
-        be, or frames are given on one side only; for an option out of its range; where neither `tolerance`
-        nor `resolution` is given; where the graph exceeds `max_memory`.
+        be, or frames are given on one side only; for an option out of its range; where the graph exceeds
+        `max_memory`.
     OutOfMemoryError
         Where the system gives no memory for the computation.
 
@@ -102,7 +107,7 @@ def lc(
     >>> source = rng.uniform(0, 100, size=(500, 3))
     >>> target = source[:, [1, 2, 0]] + 5.0
     >>> target[25:] = rng.uniform(0, 100, size=(475, 3))
-    >>> result = lc(source, target, resolution=1.0)
+    >>> result = lc(source, target)
     >>> bool(result.mask[:25].all()), result.model[:3, 3].round(1)
     (True, array([5., 5., 5.]))
     >>> result.ok, result.false_alarms < 1e-6

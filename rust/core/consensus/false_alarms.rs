@@ -59,16 +59,23 @@ pub fn independent(
 
 /// Number of false alarms of a pose with `supporters` of `n` matches, of which `chance` are to be expected.
 pub fn false_alarms(n: usize, supporters: usize, chance: f64) -> f64 {
-    (n as f64).powi(3) / 6.0 * poisson_tail(supporters.saturating_sub(MINIMAL), chance)
+    let (logarithm, sum) = poisson_tail(supporters.saturating_sub(MINIMAL), chance);
+    (n as f64).powi(3) / 6.0 * (logarithm.exp() * sum)
 }
 
-/// `P(Poisson(mean) >= least)`, or 1 where the mean is no less.
-fn poisson_tail(least: usize, mean: f64) -> f64 {
+/// Its logarithm, which tells poses apart whose number is too small for a float.
+pub fn ln_false_alarms(n: usize, supporters: usize, chance: f64) -> f64 {
+    let (logarithm, sum) = poisson_tail(supporters.saturating_sub(MINIMAL), chance);
+    3.0 * (n as f64).ln() - 6.0_f64.ln() + logarithm + sum.ln()
+}
+
+/// `P(Poisson(mean) >= least)`, or 1 where the mean is no less: a factor's logarithm, and the other factor.
+fn poisson_tail(least: usize, mean: f64) -> (f64, f64) {
     if least as f64 <= mean {
-        return 1.0;
+        return (0.0, 1.0);
     }
     if mean <= 0.0 {
-        return 0.0;
+        return (0.0, 0.0);
     }
     let logarithm: f64 = -mean + (1..=least).map(|k| (mean / k as f64).ln()).sum::<f64>();
     let (mut term, mut sum, mut k) = (1.0, 0.0, least as f64);
@@ -77,7 +84,7 @@ fn poisson_tail(least: usize, mean: f64) -> f64 {
         k += 1.0;
         term *= mean / k;
     }
-    logarithm.exp() * sum
+    (logarithm, sum)
 }
 
 #[cfg(test)]
@@ -86,6 +93,10 @@ mod tests {
 
     #[test]
     fn tail_is_the_plain_sum() {
+        let tail = |least, mean| {
+            let (logarithm, sum) = poisson_tail(least, mean);
+            logarithm.exp() * sum
+        };
         for (least, mean) in [(1, 0.3_f64), (4, 1.5), (9, 8.2), (30, 2.0)] {
             let mut term = f64::exp(-mean);
             let mut below = 0.0;
@@ -93,11 +104,13 @@ mod tests {
                 below += term;
                 term *= mean / (k + 1) as f64;
             }
-            let tail = poisson_tail(least, mean);
-            assert!((tail - (1.0 - below)).abs() < 1e-14, "{least} {mean} {tail}");
+            let found = tail(least, mean);
+            assert!((found - (1.0 - below)).abs() < 1e-14, "{least} {mean} {found}");
         }
-        assert!(poisson_tail(30, 2.0) > 0.0 && poisson_tail(30, 2.0) < 1e-20);
-        assert_eq!((poisson_tail(0, 0.0), poisson_tail(1, 0.0), poisson_tail(3, 4.0)), (1.0, 0.0, 1.0));
+        assert!(tail(30, 2.0) > 0.0 && tail(30, 2.0) < 1e-20);
+        assert_eq!((tail(0, 0.0), tail(1, 0.0), tail(3, 4.0)), (1.0, 0.0, 1.0));
+        assert!((ln_false_alarms(50, 9, 1.5) - false_alarms(50, 9, 1.5).ln()).abs() < 1e-12);
+        assert!(ln_false_alarms(5000, 900, 1.5) < -1000.0);
     }
 
     #[test]

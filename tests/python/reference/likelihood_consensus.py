@@ -32,9 +32,16 @@ the latter with weight (sigma / 10 degrees)^2.
 
 False alarms of a pose: n^3 / 6 P(Poisson(lambda k' / k) >= k' - 3), k the supporters, k' those left when, by ascending residual,
 one is dropped that has a kept one within 7 u on either side (until 200 are kept; k counts those looked at), lambda the mean
-number of targets within 5 u of the 1,000 source points as the pose lays them, at least k / n. Infinite where the mirror image of
-one of the ten best poses (target mirrored at x = 0, supporters fitted, 5 rounds refined) has more than 0.9 times the k' of
-the best.
+number of targets within 5 u of the 1,000 source points as the pose lays them, at least k / n. Infinite where a motion onto the
+target mirrored at x = 0 has more than 0.9 times the k' of the best, after 5 rounds of refinement: one that fits the supporters
+of one of the ten best poses, or of the cliques of the 100 heaviest edges the one with the greatest score.
+
+Without a tolerance: all of this with u = 1 pr, and until the number of false alarms times the 5 tolerances there are is below 0.01, with u
+twice as large, half, 4 times, a quarter; without a resolution u = 0.8 / 3 of the lesser of both sides' mean distance of
+nearest points (those that coincide aside), up to 16 times and a sixteenth. The one with the fewest false alarms counts, times 5 or
+9. Under its best pose, of radii 5 u 2^(k/2), k = -8 .. 8, from k = 0 on the one with the least number of false alarms is sought that
+is no greater than that of the 2 next ones on both sides. For each, the pose is refined by 5 rounds, deviation from 1.6 times
+0.54 radii down to that; supporters are those within the radius, apart 7/5 radii. That deviation is the noise, that pose the best.
 
 Instances: in order of score the poses with less than 0.01 false alarms among the matches that no earlier one's group
 has, whose group shares less than 0.3 (intersection over union) with each of theirs; none unless the best is sure.
@@ -58,6 +65,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.special import logsumexp
 from scipy.stats import poisson
 
 from .pairwise import centred, distance_difference, edge_lengths
@@ -65,6 +73,7 @@ from .result import BoolArray, FloatArray, IntArray, ReferenceGrouping, as_rows,
 from .rigid import Pose, apply, fixes_rotation, in_data, nearest_rotation, weighted_kabsch
 
 EDGES = 1000
+MIRRORED_EDGES = 100
 VERTICES = 2500
 MEMBERS = 12
 CANDIDATES = 256
@@ -146,38 +155,121 @@ def lc(
     instances: int = 1,
 ) -> ReferenceGrouping:
     p_raw, q_raw = as_rows(source, 3), as_rows(target, 3)
-    unit = length(tolerance, resolution, 3.0) / 3.0
-    n = len(p_raw)
-    p, q = centred(p_raw) / unit, centred(q_raw) / unit
-    model = Model(p, q, levels(p, q, None if ratio is None else as_rows(ratio)))
-    agrees = distance_difference(p, q) < 3.0
-    kept = np.sort(np.argsort(-agrees.sum(axis=1), kind="stable")[:VERTICES])
-    joined = agrees & (np.minimum(edge_lengths(p), edge_lengths(q)) > 6.0)
-    found = [kept[clique] for clique in cliques(joined[np.ix_(kept, kept)])]
-    hypotheses = [weighted_kabsch(p[c], q[c], np.ones(len(c))) for c in found if fixes_rotation(p[c], q[c])]
-    turns = proposed(n, source_lrf, target_lrf)
-    counted, ranked = model, rank(model, hypotheses, modes)
-    if np.isfinite(turns).any():
-        counted, ranked = with_frames((model, ranked), turns, hypotheses, kept, modes)
-    mask, scores = np.zeros(n, dtype=bool), np.zeros(n)
-    expected = np.inf
+    turns = proposed(len(p_raw), source_lrf, target_lrf)
+    rows = None if ratio is None else as_rows(ratio)
+
+    def look(length: float) -> Attempt:
+        return attempt(p_raw, q_raw, rows, turns, length / 3.0, modes)
+
+    lengths = [tolerance] if tolerance is not None else tolerances(p_raw, q_raw, resolution)
+    found = look(lengths[0])
+    for length in lengths[1:]:
+        if found.expected * len(lengths) < MOST_ALARMS:
+            break
+        other = look(length)
+        found = other if other.expected < found.expected else found
+    expected = found.expected * len(lengths)
+    model, counted, ranked = found.model, found.counted, found.ranked
+    noise = None
+    if tolerance is None and ranked:
+        pose, deviation = refined_by_noise(counted, ranked[0].pose)
+        ranked = [ranked[0]._replace(pose=pose), *ranked[1:]]
+        noise = deviation * found.unit
+    mask, scores = np.zeros(len(p_raw), dtype=bool), np.zeros(len(p_raw))
     if ranked:
-        best = ranked[0]
-        mask, scores = model.squares(best.pose) <= 5.0**2, posterior(counted.log_odds(best.pose))
-        if not equalled(model, ranked):
-            expected = alarms(model, best, np.zeros(n, dtype=bool))
+        best = ranked[0].pose
+        mask, scores = model.squares(best) <= 5.0**2, posterior(counted.log_odds(best))
     ok = bool(expected < MOST_ALARMS)
     return ReferenceGrouping(
         mask,
         scores,
         None,
-        {"hypotheses": len(hypotheses)},
-        np.array([in_data(one.pose, p_raw, q_raw, unit) for one in ranked]).reshape(-1, 4, 4),
+        {"hypotheses": found.hypotheses, "resolution": found.unit},
+        np.array([in_data(one.pose, p_raw, q_raw, found.unit) for one in ranked]).reshape(-1, 4, 4),
         np.array([one.score for one in ranked]),
         ok=ok,
         false_alarms=float(expected),
+        noise=noise,
         instances=find_instances(model, ranked, instances if ok else 0) if instances > 1 else None,
     )
+
+
+def tolerances(p: FloatArray, q: FloatArray, resolution: float | None) -> list[float]:
+    """Return the tolerances to try, the likeliest first."""
+    if resolution is not None:
+        first, reach = 3.0 * resolution, 2
+    else:
+        first, reach = 0.8 * min(spacing(p), spacing(q)), 4
+        first = first if np.isfinite(first) else 1.0
+    return [first * 2.0**k for k in sorted(range(-reach, reach + 1), key=lambda k: (abs(k), -k))]
+
+
+def spacing(points: FloatArray) -> float:
+    """Mean distance of the points from their nearest other one, of those that have one elsewhere."""
+    lengths = edge_lengths(points)
+    np.fill_diagonal(lengths, np.inf)
+    nearest = lengths.min(axis=1, initial=np.inf)
+    nearest = nearest[(nearest > 0) & np.isfinite(nearest)]
+    return float(nearest.mean()) if nearest.size else np.inf
+
+
+class Attempt(NamedTuple):
+    """What was found with one tolerance: the matches without frames and as they count, and what they say."""
+
+    unit: float
+    model: Model
+    counted: Model
+    ranked: list[Ranked]
+    hypotheses: int
+    expected: float
+
+
+def attempt(
+    p_raw: FloatArray, q_raw: FloatArray, ratio: FloatArray | None, turns: FloatArray, unit: float, modes: int
+) -> Attempt:
+    p, q = centred(p_raw) / unit, centred(q_raw) / unit
+    model = Model(p, q, levels(p, q, ratio))
+    agrees = distance_difference(p, q) < 3.0
+    kept = np.sort(np.argsort(-agrees.sum(axis=1), kind="stable")[:VERTICES])
+    joined = agrees & (np.minimum(edge_lengths(p), edge_lengths(q)) > 6.0)
+    found = [kept[clique] for clique in cliques(joined[np.ix_(kept, kept)], EDGES)]
+    hypotheses = [weighted_kabsch(p[c], q[c], np.ones(len(c))) for c in found if fixes_rotation(p[c], q[c])]
+    counted, ranked = model, rank(model, hypotheses, modes)
+    if np.isfinite(turns).any():
+        counted, ranked = with_frames((model, ranked), turns, hypotheses, kept, modes)
+    expected = np.inf
+    mirrored = [kept[clique] for clique in cliques(joined[np.ix_(kept, kept)], MIRRORED_EDGES)]
+    if ranked and not equalled(model, ranked, mirrored):
+        expected = alarms(model, ranked[0], np.zeros(len(p), dtype=bool))
+    return Attempt(unit, model, counted, ranked, len(hypotheses), expected)
+
+
+def refined_by_noise(model: Model, pose: Pose) -> tuple[Pose, float]:
+    """Return the pose refined by the noise under it, and that."""
+    tried: dict[int, tuple[float, Pose]] = {}
+    best = 0
+    while steps := [k for k in range(best - 2, best + 3) if abs(k) <= 8 and k not in tried]:
+        for step in steps:
+            radius = 5.0 * 2.0 ** (step / 2)
+            fitted = refine(pose, model, [0.54 * radius * (1.6 - 0.6 * k / 4) for k in range(5)])
+            squares = model.squares(fitted)
+            rows = np.flatnonzero(squares <= radius**2)
+            kept, looked = independent(model.p, model.q, squares, rows, 1.4 * radius)
+            chance = max(landing(model, fitted, radius)[1], len(rows) / len(squares)) * kept / max(1, looked)
+            least = max(0, kept - 3)
+            tail = 0.0 if least <= chance else logsumexp(poisson.logpmf(least + np.arange(300), chance))
+            tried[step] = 3.0 * np.log(len(squares)) - np.log(6.0) + tail, fitted
+        best = min(tried, key=lambda k: (tried[k][0], abs(k)))
+    return tried[best][1], 2.7 * 2.0 ** (best / 2)
+
+
+def landing(model: Model, pose: Pose, radius: float) -> tuple[float, float]:
+    """Share of 1,000 source points that the pose lays within a radius of any target, and how many are, in the mean."""
+    n = len(model.p)
+    rows = np.arange(min(n, SAMPLES)) * n // max(1, min(n, SAMPLES))
+    moved = apply(pose.rotation, pose.translation, model.p[rows])
+    near = (((moved[:, None] - model.q) ** 2).sum(axis=2) < radius**2).sum(axis=1)
+    return float(np.mean(near > 0)), float(near.mean())
 
 
 def proposed(n: int, source_lrf: ArrayLike | None, target_lrf: ArrayLike | None) -> FloatArray:
@@ -192,13 +284,9 @@ def proposed(n: int, source_lrf: ArrayLike | None, target_lrf: ArrayLike | None)
 
 def rank(model: Model, hypotheses: list[Pose], modes: int) -> list[Ranked]:
     found: list[Ranked] = []
-    n = len(model.p)
-    rows = np.arange(min(n, SAMPLES)) * n // max(1, min(n, SAMPLES))
     for pose in finish(peel(hypotheses, model, modes), model):
-        moved = apply(pose.rotation, pose.translation, model.p[rows])
-        near = (((moved[:, None] - model.q) ** 2).sum(axis=2) < 5.0**2).sum(axis=1)
-        score = model.terms(pose).sum() * np.mean(near > 0)
-        found.append(Ranked(pose, float(score), float(near.mean())))
+        covered, near = landing(model, pose, 5.0)
+        found.append(Ranked(pose, float(model.terms(pose).sum() * covered), near))
     return sorted(found, key=lambda one: -one.score)
 
 
@@ -261,13 +349,15 @@ def fit_posed(p: FloatArray, q: FloatArray, turns: FloatArray) -> Pose:
     return Pose(rotation, q_mean - rotation @ p_mean)
 
 
-def independent(p: FloatArray, q: FloatArray, squares: FloatArray, rows: IntArray) -> tuple[int, int]:
+def independent(
+    p: FloatArray, q: FloatArray, squares: FloatArray, rows: IntArray, apart: float = 7.0
+) -> tuple[int, int]:
     """Number of supporters that lie apart, and of those looked at."""
     kept: list[int] = []
     looked = 0
-    for i in rows[np.argsort(np.round(squares[rows] / (TIE * 7.0**2)), kind="stable")]:
+    for i in rows[np.argsort(np.round(squares[rows] / (TIE * apart**2)), kind="stable")]:
         looked += 1
-        if all(((x[i] - x[kept]) ** 2).sum(axis=1).min(initial=np.inf) > 7.0**2 for x in (p, q)):
+        if all(((x[i] - x[kept]) ** 2).sum(axis=1).min(initial=np.inf) > apart**2 for x in (p, q)):
             kept.append(int(i))
             if len(kept) == ENOUGH:
                 break
@@ -286,21 +376,23 @@ def alarms(model: Model, one: Ranked, taken: BoolArray) -> float:
     return n**3 / 6.0 * tail
 
 
-def equalled(model: Model, ranked: list[Ranked]) -> bool:
-    """Whether a mirror image of one of the best poses has about as many supporters as the best."""
+def equalled(model: Model, ranked: list[Ranked], found: list[IntArray]) -> bool:
+    """Whether a motion onto the mirrored target has about as many supporters as the best pose."""
     mirrored = model._replace(q=model.q * [-1.0, 1.0, 1.0])
 
     def count(some: Model, pose: Pose) -> int:
         squares = some.squares(pose)
         return independent(some.p, some.q, squares, np.flatnonzero(squares <= 5.0**2))[0]
 
-    own = count(model, ranked[0].pose)
+    p, q = mirrored.p, mirrored.q
+    starts: list[Pose] = []
     for one in ranked[:REFLECTIONS]:
         rows = model.squares(one.pose) <= 5.0**2
-        start = weighted_kabsch(mirrored.p[rows], mirrored.q[rows], np.ones(np.count_nonzero(rows)))
-        if count(mirrored, refine(start, mirrored, [SIGMA] * 5)) > 0.9 * own:
-            return True
-    return False
+        starts.append(weighted_kabsch(p[rows], q[rows], np.ones(np.count_nonzero(rows))))
+    poses = [weighted_kabsch(p[c], q[c], np.ones(len(c))) for c in found if fixes_rotation(p[c], q[c])]
+    starts += sorted(poses, key=lambda pose: -mirrored.terms(pose).sum())[:1]
+    own = count(model, ranked[0].pose)
+    return any(count(mirrored, refine(start, mirrored, [SIGMA] * 5)) > 0.9 * own for start in starts)
 
 
 def find_instances(model: Model, ranked: list[Ranked], most: int) -> BoolArray:
@@ -329,9 +421,9 @@ def levels(p: FloatArray, q: FloatArray, ratio: FloatArray | None) -> FloatArray
     return chance if ratio is None else chance + np.clip(8.0 * (0.87 - ratio), -0.8, 3.0)
 
 
-def cliques(joined: BoolArray) -> list[IntArray]:
+def cliques(joined: BoolArray, most: int) -> list[IntArray]:
     """Distinct cliques grown from the heaviest edges, in their order; members ascending."""
-    edges = heaviest_edges(joined)
+    edges = heaviest_edges(joined)[:most]
     neighbors = joined.astype(np.float32)
     members = [list(edge) for edge in edges]
     left = joined[edges[:, 0]] & joined[edges[:, 1]]

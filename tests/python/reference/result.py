@@ -23,6 +23,7 @@ class ReferenceGrouping:
     alternative_scores: FloatArray | None = None
     ok: bool | None = None
     false_alarms: float | None = None
+    noise: float | None = None
     instances: BoolArray | None = None
 
 

@@ -5,22 +5,25 @@
 //! surface on surface has more of both. And no reflection is a motion: where the mirror image of one of the best poses has
 //! about as many independent supporters as the best, the matches are of mirrored shapes, of one plane, or of nothing.
 
-use super::{Answer, Problem, Ranked};
+use super::{Answer, Joined, Problem, Ranked};
 use crate::consensus::false_alarms::{Independent, false_alarms, independent};
 use crate::consensus::likelihood::Likelihood;
 use crate::geometry::rigid::{Rigid, fit_rigid};
 use crate::grouping_result::mask_of;
+use crate::selection::top_k::largest;
 use crate::{Grouping, Result, memory};
 
 /// A group is sure below this.
 pub const MOST_FALSE_ALARMS: f64 = 0.01;
 
 /// Distance, in units of the tolerance, of supporters that count each on their own.
-const APART: f64 = 7.0 / 3.0;
+pub const APART: f64 = 7.0 / 3.0;
 
 /// Poses whose mirror images are looked at, and the rounds of their refinement.
 const REFLECTIONS: usize = 10;
 const ROUNDS: usize = 5;
+/// Pairs that cliques of mirrored matches grow from.
+const MIRRORED_SEEDS: usize = 100;
 
 /// A mirror image has about as many supporters as a pose with more than this share of them.
 const AS_MANY: f64 = 0.9;
@@ -36,19 +39,27 @@ pub struct Judge<'a> {
 }
 
 impl Judge<'_> {
-    /// The grouping with its number of false alarms, and the masks of up to `instances` motions that are sure.
-    pub fn judged(&self, grouping: Grouping, answer: &Answer, instances: usize) -> Result<Grouping> {
-        let expected = match answer.ranked.first() {
-            Some(best) if !self.is_equalled_by_a_reflection(&answer.ranked)? => {
-                self.false_alarms(best, &[])?
-            }
-            _ => f64::INFINITY,
-        };
+    /// Number of false alarms of the best pose; infinite without one, or where a reflection equals it.
+    pub fn expected(&self, ranked: &[Ranked], joined: &Joined) -> Result<f64> {
+        match ranked.first() {
+            Some(best) if !self.is_equalled_by_a_reflection(ranked, joined)? => self.false_alarms(best, &[]),
+            _ => Ok(f64::INFINITY),
+        }
+    }
+
+    /// The grouping with its number of false alarms, and the masks of up to `most` motions that are sure.
+    pub fn judged(
+        &self,
+        grouping: Grouping,
+        answer: &Answer,
+        most: usize,
+        expected: f64,
+    ) -> Result<Grouping> {
         let ok = expected < MOST_FALSE_ALARMS;
-        let masks = if instances == 1 {
+        let masks = if most == 1 {
             None
         } else if ok {
-            Some(self.instances(answer, instances)?)
+            Some(self.instances(answer, most)?)
         } else {
             Some(Vec::new())
         };
@@ -93,8 +104,9 @@ impl Judge<'_> {
         independent(source, target, squares, supporters, APART * tolerance)
     }
 
-    /// Whether the mirror image of one of the best poses has about as many independent supporters as the best.
-    fn is_equalled_by_a_reflection(&self, ranked: &[Ranked]) -> Result<bool> {
+    /// Whether a motion onto the mirrored target has about as many independent supporters as the best pose: the mirror image
+    /// of one of the best poses, or the best motion of cliques.
+    fn is_equalled_by_a_reflection(&self, ranked: &[Ranked], joined: &Joined) -> Result<bool> {
         let Problem { source, target, execution, .. } = *self.problem;
         let mirrored = target.mirrored()?;
         let likelihood = self.likelihood.between(source, &mirrored)?;
@@ -112,7 +124,12 @@ impl Judge<'_> {
                 return Ok(true);
             }
         }
-        Ok(false)
+        let poses = self.problem.cliques(joined, &mirrored, MIRRORED_SEEDS)?;
+        let scores = memory::collect(poses.iter().map(|pose| likelihood.support(pose).score))?;
+        let Some(&best) = largest(&scores, 1)?.first() else { return Ok(false) };
+        let image = likelihood.refined(&poses[best], std::iter::repeat_n(likelihood.deviation(), ROUNDS))?;
+        let of_image = count(&likelihood.squared_residuals(&image)?)? as f64;
+        Ok(of_image > AS_MANY * own.unwrap_or_default() as f64)
     }
 
     /// The motion onto the mirrored target that fits the group of a pose, refined.

@@ -19,12 +19,18 @@
 //! 7. The group: residuals of at most 5 under it.
 //! 8. The number of false alarms, and further instances (`confidence.rs`).
 //!
+//! Where no tolerance is given, steps 1 to 8 are done with several, twice as large each, from the likeliest one on both
+//! ways, until one answer is sure. The noise is estimated under it, and the pose refined by that (`noise.rs`).
+//!
 //! Cost O(n^2) tests of pairs, and O(n) a hypothesis.
 
 mod confidence;
 mod frames;
+mod noise;
 
-use confidence::Judge;
+use nalgebra::{Matrix3, Vector3};
+
+use confidence::{Judge, MOST_FALSE_ALARMS};
 
 use super::GroupingMethod;
 use crate::compatibility::agreement::DistanceAgreement;
@@ -35,6 +41,7 @@ use crate::consensus::landing::{Landing, landings};
 use crate::consensus::likelihood::Likelihood;
 use crate::consensus::likelihood::levels::levels;
 use crate::consensus::modes::{Mode, find_modes};
+use crate::error::positive;
 use crate::geometry::rigid::Rigid;
 use crate::grouping_result::{Alternative, mask_of};
 use crate::options::method;
@@ -53,6 +60,12 @@ const SHORTEST: f64 = 2.0;
 /// Pairs that cliques grow from.
 const SEEDS: usize = 1_000;
 
+/// Resolutions in a tolerance.
+const RESOLUTIONS: f64 = 3.0;
+
+/// Powers of two by which other tolerances are tried, where a resolution is given and where none is.
+const OCTAVES: (i32, i32) = (2, 4);
+
 /// Correspondences whose cliques are sought.
 const MOST_VERTICES: usize = 2_500;
 
@@ -60,7 +73,9 @@ method! {
     /// Parameters of likelihood consensus.
     pub struct LikelihoodConsensus = "lc", ["source", "target"],
         optional ["ratio", "source_lrf", "target_lrf", "resolution"], {
-        /// Greatest distance difference of two that agree, a length; default 3 resolutions. All other lengths follow.
+        /// Greatest distance difference of two that agree, a length, from which all others follow. By default 3
+        /// resolutions, and where these leave no sure answer, other powers of 2 times that; without a resolution from 0.8
+        /// times the distance of neighbouring points.
         pub tolerance: Option<f64> = None;
         /// Most poses that are returned, the best among them.
         pub modes: usize = 40;
@@ -95,15 +110,64 @@ struct Answer {
     by_frames: bool,
 }
 
+/// What was found with one tolerance.
+struct Attempt<'a> {
+    problem: Problem<'a>,
+    likelihood: Likelihood,
+    answer: Answer,
+    hypotheses: usize,
+    vertices: usize,
+    false_alarms: f64,
+}
+
 impl GroupingMethod for LikelihoodConsensus {
     fn run(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
+        let tolerances = self.tolerances(correspondences, execution)?;
+        let mut found = self.attempt(correspondences, tolerances[0], execution)?;
+        // Each of several tolerances could have found by chance what one did.
+        let tried = tolerances.len() as f64;
+        for tolerance in &tolerances[1..] {
+            if found.false_alarms * tried < MOST_FALSE_ALARMS {
+                break;
+            }
+            let other = self.attempt(correspondences, *tolerance, execution)?;
+            if other.false_alarms < found.false_alarms {
+                found = other;
+            }
+        }
+        found.false_alarms *= tried;
+        let noise = if tolerances.len() > 1 { found.refine_by_noise()? } else { None };
+        let grouping = found.report(self.instances)?;
+        Ok(Grouping { noise, ..grouping })
+    }
+}
+
+impl LikelihoodConsensus {
+    /// The tolerances to try, the likeliest first.
+    fn tolerances(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Vec<f64>> {
+        if let Some(given) = self.tolerance {
+            return Ok(vec![positive("tolerance", given)?]);
+        }
+        let (first, reach) = match correspondences.resolution() {
+            Some(resolution) => (RESOLUTIONS * resolution, OCTAVES.0),
+            None => (noise::likely_tolerance(correspondences, execution)?, OCTAVES.1),
+        };
+        let both = (1..=reach).flat_map(|octave| [octave, -octave]);
+        Ok(std::iter::once(0).chain(both).map(|octave| first * 2.0_f64.powi(octave)).collect())
+    }
+
+    fn attempt<'a>(
+        &self,
+        correspondences: &'a Correspondences,
+        tolerance: f64,
+        execution: &'a Execution,
+    ) -> Result<Attempt<'a>> {
         let (source, target) = correspondences.positions("lc")?;
-        let tolerance = correspondences.length("tolerance", self.tolerance, 3.0)?;
         let problem = Problem { source, target, tolerance, modes: self.modes, execution };
         let levels = levels(source, target, correspondences.optional_ratio(), CHANCE * tolerance, execution)?;
         let likelihood = Likelihood::new(source, target, &levels, DEVIATION * tolerance, REACH * tolerance)?;
         let joined = problem.join()?;
-        let cliques = problem.cliques(&joined)?;
+        let cliques = problem.cliques(&joined, target, SEEDS)?;
         let ranked = problem.rank(&likelihood, &cliques)?;
         let rotations = frames::proposed_rotations(correspondences)?;
         let judge = Judge { problem: &problem, likelihood: &likelihood };
@@ -111,12 +175,33 @@ impl GroupingMethod for LikelihoodConsensus {
         if let Some(rotations) = &rotations {
             answer = frames::with_frames(&judge, answer, rotations, &joined, &cliques)?;
         }
-        let grouping = judge.judged(problem.report(&answer)?, &answer, self.instances)?;
+        let false_alarms = judge.expected(&answer.ranked, &joined)?;
+        let (hypotheses, vertices) = (cliques.len(), joined.vertices.len());
+        Ok(Attempt { problem, likelihood, answer, hypotheses, vertices, false_alarms })
+    }
+}
+
+impl Attempt<'_> {
+    /// Refines the best pose by the noise under it, and returns that.
+    fn refine_by_noise(&mut self) -> Result<Option<f64>> {
+        let Some(best) = self.answer.ranked.first_mut() else { return Ok(None) };
+        let (pose, noise) = noise::refined(&self.problem, &self.answer.likelihood, &best.mode.pose)?;
+        best.mode.pose = pose;
+        Ok(Some(noise))
+    }
+
+    fn report(&self, instances: usize) -> Result<Grouping> {
+        let Self { problem, answer, .. } = self;
+        let judge = Judge { problem, likelihood: &self.likelihood };
+        let grouping = judge.judged(problem.report(answer)?, answer, instances, self.false_alarms)?;
         let rule = Rule::bounded(Kind::Residual, problem.group_radius()).or_equal();
-        let grouping = grouping.by(rule.agreeing(Agreement::difference(tolerance)));
-        let grouping = grouping.with("hypotheses", cliques.len() as f64);
+        let grouping = grouping.by(rule.agreeing(Agreement::difference(problem.tolerance)));
+        let grouping = grouping.with("resolution", problem.tolerance / RESOLUTIONS);
+        let dimensions = self.dimensions(&grouping.mask)?;
+        let grouping = grouping.with("dimensions", dimensions as f64);
+        let grouping = grouping.with("hypotheses", self.hypotheses as f64);
         let grouping = grouping.with("by_frames", f64::from(u8::from(answer.by_frames)));
-        Ok(grouping.with("vertices", joined.vertices.len() as f64))
+        Ok(grouping.with("vertices", self.vertices as f64))
     }
 }
 
@@ -172,6 +257,24 @@ impl Problem<'_> {
     }
 }
 
+impl Attempt<'_> {
+    /// Directions in which the group's source points spread by more than twice the noise that is allowed for: 3 for a body,
+    /// 2 for one plane, 1 for one line.
+    fn dimensions(&self, mask: &[bool]) -> Result<usize> {
+        let source = self.problem.source;
+        let rows = memory::collect((0..mask.len()).filter(|&i| mask[i]))?;
+        let count = rows.len().max(1) as f64;
+        let mean = rows.iter().map(|&i| source.get(i).coords).sum::<Vector3<f64>>() / count;
+        let scatter = |&i: &usize| {
+            let offset = source.get(i).coords - mean;
+            offset * offset.transpose()
+        };
+        let covariance = rows.iter().map(scatter).sum::<Matrix3<f64>>() / count;
+        let least = (2.0 * DEVIATION * self.problem.tolerance).powi(2);
+        Ok(covariance.symmetric_eigenvalues().iter().filter(|&&variance| variance > least).count())
+    }
+}
+
 /// The graph of those that keep their distances, and the rows that it is made of.
 struct Joined {
     vertices: Vec<usize>,
@@ -194,11 +297,11 @@ impl Problem<'_> {
         Ok(Joined { vertices, graph })
     }
 
-    /// The motions of cliques, between the centred points.
-    fn cliques(&self, joined: &Joined) -> Result<Vec<Rigid>> {
-        let Problem { source, target, execution, .. } = *self;
+    /// The motions of cliques onto the target, or its mirror image, between the centred points.
+    fn cliques(&self, joined: &Joined, target: &Points, seeds: usize) -> Result<Vec<Rigid>> {
+        let Problem { source, execution, .. } = *self;
         let some = (joined.vertices.len() < source.len()).then_some(joined.vertices.as_slice());
-        poses_among(some, source, target, |p, q| clique_poses(&joined.graph, p, q, SEEDS, execution))
+        poses_among(some, source, target, |p, q| clique_poses(&joined.graph, p, q, seeds, execution))
     }
 }
 
@@ -247,9 +350,27 @@ mod tests {
         let sure = lc.group(&problem(400, 30)?, &Execution::default())?;
         assert!(sure.ok == Some(true) && sure.false_alarms < Some(1e-6));
         assert_eq!(sure.instances, Some(vec![sure.mask]));
+        assert_eq!(sure.diagnostics.get("dimensions"), Some(&3.0));
         let chance = lc.group(&problem(400, 0)?, &Execution::default())?;
         assert!(chance.ok == Some(false) && chance.false_alarms > Some(1.0));
         assert_eq!(chance.instances, Some(Vec::new()));
+        Ok(())
+    }
+
+    #[test]
+    fn no_unit_or_a_wrong_one_finds_the_same_and_its_noise() -> Result<()> {
+        let given = problem(400, 40)?;
+        for scale in [0.25, 1.0, 4.0] {
+            let other = given.clone().with_resolution(scale)?;
+            let group = LikelihoodConsensus::default().group(&other, &Execution::default())?;
+            assert!(group.ok == Some(true) && group.mask[..40].iter().all(|&selected| selected));
+            assert!(group.noise < Some(1.0), "{:?}", group.noise);
+        }
+        let (source, target) = given.positions("lc")?;
+        let rows = |points: &Points| points.rows().collect::<Vec<_>>();
+        let bare = Correspondences::new(&rows(source), &rows(target))?;
+        let group = LikelihoodConsensus::default().group(&bare, &Execution::default())?;
+        assert!(group.ok == Some(true) && group.mask[..40].iter().all(|&selected| selected));
         Ok(())
     }
 
@@ -266,9 +387,9 @@ mod tests {
     }
 
     #[test]
-    fn needs_a_length_and_a_mode() -> Result<()> {
+    fn needs_no_length_but_a_mode() -> Result<()> {
         let without = Correspondences::new(&[[0.0; 3]; 4], &[[0.0; 3]; 4])?;
-        assert!(LikelihoodConsensus::default().group(&without, &Execution::default()).is_err());
+        assert_eq!(LikelihoodConsensus::default().group(&without, &Execution::default())?.size(), 0);
         let none = LikelihoodConsensus { modes: 0, ..LikelihoodConsensus::default() };
         assert!(none.group(&problem(9, 9)?, &Execution::default()).is_err());
         Ok(())

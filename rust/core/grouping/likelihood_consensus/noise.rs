@@ -1,0 +1,100 @@
+//! The noise of right correspondences, from the residuals under a pose.
+//!
+//! The radius is sought within which the supporters are least likely chance: an a-contrario threshold (Moisan, Moulon,
+//! Monasse: Automatic homographic registration of a pair of images, with a contrario elimination of outliers, IPOL 2012).
+//! It stands to the standard deviation of right correspondences as the radius of a group does.
+
+use super::confidence::APART;
+use super::{DEVIATION, GROUP, Problem};
+use crate::consensus::false_alarms::{independent, ln_false_alarms};
+use crate::consensus::landing::landings;
+use crate::consensus::likelihood::Likelihood;
+use crate::geometry::neighbors::NearestNeighbors;
+use crate::geometry::resolution::nearest_distances;
+use crate::geometry::rigid::Rigid;
+use crate::{Correspondences, Execution, Points, Result, memory};
+use rayon::prelude::*;
+
+/// The tolerance that is tried first, in mean distances of neighbouring points.
+const SPACINGS: f64 = 0.8;
+
+/// Radii are this many to a factor of two, and so many are looked at on both sides of the group's, at most.
+const STEPS_PER_OCTAVE: f64 = 2.0;
+const MOST_STEPS: i32 = 8;
+/// Radii on both sides of the best that have to be worse.
+const WORSE: i32 = 2;
+
+/// Rounds of refinement, and the multiple of the deviation that it starts from.
+const ROUNDS: usize = 5;
+const START: f64 = 1.6;
+
+/// A tolerance that suits matches as far apart as these are; any where all points of a side coincide.
+pub fn likely_tolerance(correspondences: &Correspondences, execution: &Execution) -> Result<f64> {
+    let (source, target) = correspondences.positions("lc")?;
+    let spacing = spacing(source, execution)?.min(spacing(target, execution)?);
+    Ok(if spacing.is_finite() { SPACINGS * spacing } else { 1.0 })
+}
+
+/// Mean distance of points from their nearest other one; infinite where there is none.
+fn spacing(points: &Points, execution: &Execution) -> Result<f64> {
+    let distances = nearest_distances(&NearestNeighbors::new(points, execution)?, execution)?;
+    let apart = |distance: &&f64| **distance > 0.0 && distance.is_finite();
+    let count = distances.iter().filter(apart).count();
+    let sum: f64 = distances.iter().filter(apart).sum();
+    Ok(if count > 0 { sum / count as f64 } else { f64::INFINITY })
+}
+
+/// The pose refined by the noise under it, and that: the standard deviation of right correspondences.
+pub fn refined(problem: &Problem<'_>, likelihood: &Likelihood, pose: &Rigid) -> Result<(Rigid, f64)> {
+    let mut tried: Vec<Trial> = Vec::new();
+    let mut best = 0;
+    loop {
+        let is_new = |step: &i32| step.abs() <= MOST_STEPS && tried.iter().all(|trial| trial.step != *step);
+        let steps = memory::collect((best - WORSE..=best + WORSE).filter(is_new))?;
+        if steps.is_empty() {
+            break;
+        }
+        let look = |step: &i32| Trial::new(problem, likelihood, pose, *step).map(Some);
+        let found = memory::par_try_collect(steps.par_iter().map(look))?;
+        memory::reserve(&mut tried, found.len())?;
+        tried.extend(found.into_iter().flatten());
+        // Of equal ones, the one nearest to what was given.
+        let order =
+            |a: &&Trial, b: &&Trial| a.value.total_cmp(&b.value).then(a.step.abs().cmp(&b.step.abs()));
+        best = tried.iter().min_by(order).map_or(0, |trial| trial.step);
+    }
+    let found = tried.into_iter().find(|trial| trial.step == best);
+    Ok(found.map_or((*pose, likelihood.deviation()), |trial| (trial.pose, trial.deviation)))
+}
+
+/// A deviation, the pose refined by it, and the logarithm of the number of false alarms within its radius.
+#[derive(Clone)]
+struct Trial {
+    step: i32,
+    deviation: f64,
+    pose: Rigid,
+    value: f64,
+}
+
+impl Trial {
+    fn new(problem: &Problem<'_>, likelihood: &Likelihood, pose: &Rigid, step: i32) -> Result<Self> {
+        let Problem { source, target, execution, .. } = *problem;
+        execution.check()?;
+        let radius = problem.group_radius() * (f64::from(step) / STEPS_PER_OCTAVE).exp2();
+        let deviation = radius * DEVIATION / GROUP;
+        let annealed = |round: usize| {
+            let progress = round as f64 / (ROUNDS - 1) as f64;
+            deviation * (START + (1.0 - START) * progress)
+        };
+        let pose = likelihood.refined(pose, (0..ROUNDS).map(annealed))?;
+        let squares = likelihood.squared_residuals(&pose)?;
+        let supporters = memory::collect((0..squares.len()).filter(|&i| squares[i] <= radius * radius))?;
+        let n = squares.len();
+        let landed = landings(&[pose], source, target, radius, execution)?;
+        let near = landed.first().map_or(0.0, |landing| landing.chance);
+        let chance = near.max(supporters.len() as f64 / n.max(1) as f64);
+        let apart = independent(source, target, &squares, &supporters, APART / GROUP * radius)?;
+        let value = ln_false_alarms(n, apart.count, chance * apart.share);
+        Ok(Self { step, deviation, pose, value })
+    }
+}
