@@ -38,7 +38,7 @@ def test_more_noise_is_estimated_as_more() -> None:
 
 
 def test_auto_gives_other_methods_a_resolution() -> None:
-    matches, pose, right = drawn(1.0)
+    matches, _, right = drawn(1.0)
     for method in ("ransac", "sc2pcr", "mac", "gc"):
         found = cgroup.group(matches, method, tolerance="auto")
         assert found.mask[right].mean() > 0.8

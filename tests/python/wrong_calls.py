@@ -113,7 +113,7 @@ WRONG_CALLS: dict[str, list[Callable[[Any], Any]]] = {
     "cgroup.pages.registration_page": [given(CLOUD, CLOUD, 3)],
     "cgroup.pages.scene_page": [given(PAIR)],
     "cgroup.pages.write_page": [given(NOWHERE / "page.html", "")],
-    "cgroup.benchmark.solver.Solver.group": [lambda _: solver.candidate("", "lc", {}).group(BARE)],
+    "cgroup.benchmark.solver.Solver.group": [lambda _: solver.candidate("", "gc", {}).group(BARE)],
     "cgroup.benchmark.solver.Solver.parameters": [
         lambda _: solver.candidate("", "lc", {"tolerance_pr": 1}).parameters(0, None),
     ],

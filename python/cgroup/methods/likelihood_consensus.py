@@ -59,11 +59,10 @@ def lc(
     resolution : float, optional
         Mean nearest-neighbour distance of the clouds; one that is wrong by a factor of 4 finds the same pose.
     tolerance : float, optional
-        Greatest distance difference of two that agree, a length, from which all others follow. By default
-        ``3 * resolution``, and where that leaves no sure answer, other powers of 2 times that; without a
-        resolution from 0.8 times the distance of neighbouring points on. The pose is then refined by the
-        noise under it, `Grouping.noise`. For dense matches of clouds thinned to voxels of side v,
-        ``1.2 * v``.
+        Greatest distance difference of two that agree, a length; default ``3 * resolution``, without a
+        resolution 0.8 times the distance of neighbouring points, and where that leaves no sure answer, other
+        powers of 2 times that: the pose is then refined by the noise under it, `Grouping.noise`. For dense
+        matches of clouds thinned to voxels of side v, ``1.2 * v``.
     modes : int
         Most poses in `Grouping.alternatives`, the best among them.
     instances : int

@@ -69,7 +69,7 @@ from scipy.special import logsumexp
 from scipy.stats import poisson
 
 from .pairwise import centred, distance_difference, edge_lengths
-from .result import BoolArray, FloatArray, IntArray, ReferenceGrouping, as_rows, has_frame, length
+from .result import BoolArray, FloatArray, IntArray, ReferenceGrouping, as_rows, has_frame
 from .rigid import Pose, apply, fixes_rotation, in_data, nearest_rotation, weighted_kabsch
 
 EDGES = 1000
