@@ -55,8 +55,8 @@ def print_group(document: Document) -> None:
 @command(
     app,
     "group",
-    "# six columns, x y z of the source and of the target; 1 pr is 2 cm",
-    "cgroup group matches.txt --resolution 0.02",
+    "# six columns, x y z of the source and of the target",
+    "cgroup group matches.txt",
     "",
     "cgroup group matches.npz --method SC2-PCR --tolerance 0.1 --json --out narrow",
     show=print_group,
@@ -179,6 +179,7 @@ def _results(matches: Correspondences, grouping: Grouping) -> Document:
         "complete": grouping.complete,
         "ok": grouping.ok,
         "false_alarms": grouping.false_alarms,
+        "noise": grouping.noise,
         "T_target_source": None,
         "residual_rms": None,
         "residual_max": None,
