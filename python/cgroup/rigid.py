@@ -155,6 +155,19 @@ def check_rigid(transform: ArrayLike, name: str = "transform") -> FloatArray:
     return matrix
 
 
+def scaling(factor: float, middle: ArrayLike = (0.0, 0.0, 0.0)) -> FloatArray:
+    """Return the transform (4,4) that scales about a place."""
+    transform = np.diag([factor, factor, factor, 1.0])
+    transform[:3, 3] = (1.0 - factor) * np.asarray(middle)
+    return transform
+
+
+def split_scale(transform: FloatArray) -> tuple[float, FloatArray]:
+    """Split a similarity into its scale, which comes first, and a rigid transform."""
+    scale = float(np.cbrt(np.linalg.det(transform[:3, :3])))
+    return scale, transform @ scaling(1.0 / scale)
+
+
 def are_rigid(poses: FloatArray) -> BoolArray:
     """Tell which of many 4x4 matrices `check_rigid` accepts."""
     with np.errstate(invalid="ignore", over="ignore"):

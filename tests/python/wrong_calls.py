@@ -68,6 +68,9 @@ WRONG_CALLS: dict[str, list[Callable[[Any], Any]]] = {
     "cgroup.registration.Registration.plot": [
         lambda plot: plot(registration.register(PAIR.source, PAIR.target), correct=[True]),
     ],
+    "cgroup.registration.Registration.place": [
+        lambda place: place(registration.register(PAIR.source, PAIR.target), np.zeros(3)),
+    ],
     "cgroup.registration.Registration.merged": [
         lambda merged: merged(registration.register(PAIR.source, PAIR.target), np.zeros(3), PAIR.target),
     ],

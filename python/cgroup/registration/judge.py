@@ -271,22 +271,23 @@ def lead_over_chance(case: Case) -> float:
     )
 
 
-def share_probability(best: Case, rivals: Sequence[Case]) -> tuple[float, FloatArray]:
+def share_probability(best: Case, rivals: Sequence[Case], scales: int = 1) -> tuple[float, FloatArray]:
     """Share probability among the best pose, its rivals, and none of these.
 
     The best of equal poses leads by chance, so that a rival shares until the lead is above `LEAD_BY_CHANCE`.
+    "None of these" counts once for each scale that was tried: the more freedom, the more lies on each other.
 
     Returns
     -------
     probability : float
-        That the best pose is right: ``1 / (1 + e^-E + sum_r e^(1 - L_r))``, E its lead over chance, L_r over
-        a rival.
+        That the best pose is right: ``1 / (1 + n e^-E + sum_r e^(1 - L_r))``, E its lead over chance, n the
+        scales, L_r its lead over a rival.
     shares : (r,) array of float64
         Of each rival, as multiples of the best one's probability.
     """
     leads = np.array([weigh(best) - weigh(rival) for rival in rivals])
     shares = np.exp(np.clip(LEAD_BY_CHANCE - leads, -_MOST_NATS, LEAD_BY_CHANCE))
-    none = float(np.exp(np.clip(-lead_over_chance(best), -_MOST_NATS, _MOST_NATS)))
+    none = scales * float(np.exp(np.clip(-lead_over_chance(best), -_MOST_NATS, _MOST_NATS)))
     return float(1.0 / (1.0 + none + shares.sum())), shares
 
 
@@ -386,8 +387,8 @@ def _remedy(source: PreparedScan, target: PreparedScan, axis: FloatArray | None)
     sizes = source.scan.cloud.diagonal, target.scan.cloud.diagonal
     if max(sizes) > _SIZES_DIFFER * min(sizes):
         return (
-            f"the clouds are {sizes[0]:.3g} and {sizes[1]:.3g} across: if both show the same, scale one, as "
-            "scale is not estimated"
+            f"the clouds are {sizes[0]:.3g} and {sizes[1]:.3g} across: if both show the same, scale one, or "
+            "let `scale` be estimated"
         )
     layered = _find_layers(source, target)
     if layered:

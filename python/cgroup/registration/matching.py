@@ -115,6 +115,15 @@ def turn_matches(matches: Correspondences, centroid: FloatArray) -> Corresponden
     return own_correspondences(turned)
 
 
+def scale_matches(matches: Correspondences, scale: float) -> Correspondences:
+    """Return the matches of a source in another unit."""
+    centroid = None if matches.source_centroid is None else scale * matches.source_centroid
+    given = Fields(*(getattr(matches, name) for name in Fields._fields))
+    return own_correspondences(
+        given._replace(source=scale * in_double(matches.source), source_centroid=centroid)
+    )
+
+
 def propose_poses(
     matches: Correspondences,
     method: str,

@@ -23,6 +23,7 @@ from cgroup.registration.own import as_matches, as_own_descriptors
 from cgroup.registration.paper_front import PaperFront
 from cgroup.registration.prepare import DenseFront, agree, as_given
 from cgroup.registration.result import registration_of
+from cgroup.registration.scale import as_scale, register_scaled
 from cgroup.registration.scan import as_viewpoint
 from cgroup.registration.search import EFFORTS, Search
 from cgroup.rigid import apply, check_rigid
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
 
     from cgroup.features import Cloud
     from cgroup.registration.judge import Judgement
-    from cgroup.registration.prepare import PreparedScan
+    from cgroup.registration.prepare import Given, PreparedScan
     from cgroup.registration.result import Registration
     from cgroup.registration.search import Effort
     from cgroup.registry import MethodName
@@ -66,6 +67,7 @@ def register(
     initial: ArrayLike | None = None,
     radius: float | None = None,
     angle: float | None = None,
+    scale: bool | tuple[float, float] = False,
     method: MethodName | str | None = None,
     threads: int | None = None,
     progress: Callable[[str], Any] | None = None,
@@ -80,8 +82,8 @@ def register(
     Parameters
     ----------
     source, target : PreparedScan, PointCloud, Cloud, path or (N,3) array_like of float
-        Whole clouds, in the same unit; scale is not estimated. To register one cloud with many, `prepare` it
-        once.
+        Whole clouds, in the same unit unless `scale` says otherwise. To register one cloud with many,
+        `prepare` it once.
     voxel : float, optional
         Edge length of the voxels, in the unit of the points: the one length that all others are multiples
         of. By default such that some 4,500 voxels are left, on average of the two, and 1,000 or more of each.
@@ -115,6 +117,12 @@ def register(
         a fifth of the source's diagonal unless given.
     angle : float, optional
         Degrees by which `initial` may be turned, 15 unless given.
+    scale : bool or (float, float)
+        Whether the clouds are in different units: then the length in the target is sought that the source's
+        unit has, between the two bounds if they are given. True allows any unit: the scale is sought where
+        both clouds are of about the same size, to a factor of 3, and bounds only narrow that. All lengths
+        told, and those of the result, are in the target's unit. Neither `matches`, `descriptors`, `initial`,
+        the paper's front nor prepared scans can be given beside it.
     method : str, optional
         Grouping method that proposes poses, one of `cgroup.METHODS`; "lc" unless given, "gtm" with the
         paper's front.
@@ -155,6 +163,7 @@ def register(
     clock = StageClock(as_stage_function(progress))
     direction = None if axis is None else as_direction("axis", axis, "(0, 0, 1)")
     dense, paper = _fronts_of(front)
+    bounds = as_scale(scale)
     fronts = None if front == "dense" else front
     _check_alone({"matches": matches, "descriptors": descriptors, "initial": initial, "front": fronts})
     nearby = as_nearby(initial, radius, angle)
@@ -164,15 +173,21 @@ def register(
     search = Search(chosen, options, direction, effort, as_threads(threads), clock, paper)
     both = as_viewpoint(viewpoint, view_direction)
     places = [both if own is None else own for own in (source_viewpoint, target_viewpoint)]
-    how = {"with_descriptors": initial is None}
-    scans = _prepare_both((source, target), places, voxel, dense, search.threads, clock, **how)
-    if nearby is not None:
-        search = replace(search, nearby=nearby.around(scans[0]))
-    elif matches is not None:
-        search = replace(search, matches=as_matches(matches, *scans))
-    elif descriptors is not None:
-        search = replace(search, descriptors=as_own_descriptors(descriptors, *scans))
-    registration, judgement = _register(search, *scans)
+    if bounds is not None:
+        _refuse_beside_scale(matches=matches, descriptors=descriptors, initial=initial, front=paper)
+        registration, judgement = register_scaled(
+            search, _as_both((source, target), places), voxel, dense, bounds
+        )
+    else:
+        how = {"with_descriptors": initial is None}
+        scans = _prepare_both((source, target), places, voxel, dense, search.threads, clock, **how)
+        if nearby is not None:
+            search = replace(search, nearby=nearby.around(scans[0]))
+        elif matches is not None:
+            search = replace(search, matches=as_matches(matches, *scans))
+        elif descriptors is not None:
+            search = replace(search, descriptors=as_own_descriptors(descriptors, *scans))
+        registration, judgement = _register(search, *scans)
     if registration is not None and judgement.ok:
         return registration
     reason = judgement.reason
@@ -496,14 +511,22 @@ def _prepare_both(
 ) -> tuple[PreparedScan, PreparedScan]:
     """Make source and target ready."""
     clock.start("voxel size")
-    given = [
-        as_given(name, cloud, place, or_stored=True)
-        for name, cloud, place in zip(("source", "target"), clouds, viewpoints, strict=True)
-    ]
+    given = _as_both(clouds, viewpoints)
     shared = agree(given, voxel, front, threads)
     by_frames = any(cloud.by_frames for cloud in given)
     how = {"by_frames": by_frames, "with_descriptors": with_descriptors}
     source, target = (shared.finish(one, clock.start, **how) for one in given)
+    return source, target
+
+
+def _as_both(
+    clouds: Sequence[PreparedScan | Cloud | AnyCloud], viewpoints: Sequence[ArrayLike | None]
+) -> tuple[Given, Given]:
+    """Check source and target."""
+    source, target = (
+        as_given(name, cloud, place, or_stored=True)
+        for name, cloud, place in zip(("source", "target"), clouds, viewpoints, strict=True)
+    )
     return source, target
 
 
@@ -531,6 +554,14 @@ def _check_alone(given: Mapping[str, object]) -> None:
     names = [name for name, value in given.items() if value is not None]
     if len(names) > 1:
         raise InputError(", ".join(names), remedy="give one of them: each says alone where poses come from")
+
+
+def _refuse_beside_scale(**others: object) -> None:
+    """Refuse what is told in the source's unit, which is not known."""
+    for name, value in others.items():
+        if value is not None:
+            both = f"scale, {name}"
+            raise InputError(both, remedy=f"the scale is sought by all voxels; leave out `{name}`")
 
 
 def as_pairs(pairs: Iterable[tuple[int, int]], scans: int) -> list[tuple[int, int]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +12,8 @@ from cgroup._checks.values import as_choice
 from cgroup._show.drawing import plot
 from cgroup._show.notebook import pose_html, result_table
 from cgroup.registration.covariance import CONVENTIONS, covariance_in, covariance_of, deviations_at
-from cgroup.rigid import apply
+from cgroup.registration.matching import scale_matches
+from cgroup.rigid import apply, split_scale
 from cgroup.types import PointCloud, as_cloud
 
 if TYPE_CHECKING:
@@ -36,7 +37,8 @@ class Registration:
     Attributes
     ----------
     T_target_source : (4,4) array of float64
-        Pose refined on the surfaces: maps source points into the target's frame, p' = R p + t.
+        Pose refined on the surfaces: maps source points into the target's frame, p' = R p + t; a similarity,
+        p' = s R p + t, where the scale was sought.
     ok : bool
         Whether the pose is held to be right.
     probability : float
@@ -66,6 +68,9 @@ class Registration:
         What a user should know of the pose: sentences.
     seconds : dict of str to float
         Wall time of each stage, in order.
+    scale : float
+        Length in the target that the source's unit has: s, 1 unless it was sought. All lengths above are in
+        the target's unit, and `covariance` is that of the source in that unit, at this scale.
 
     Examples
     --------
@@ -93,6 +98,7 @@ class Registration:
     voxel: float
     notes: tuple[str, ...]
     seconds: dict[str, float]
+    scale: float = 1.0
 
     @property
     def resolution(self) -> float:
@@ -146,7 +152,7 @@ class Registration:
         Returns
         -------
         (6,6) array of float64
-            To first order.
+            To first order. Where the scale was sought, the source's frame is in the target's unit.
 
         Raises
         ------
@@ -164,7 +170,12 @@ class Registration:
         (True, True)
         """
         as_choice("convention", convention, CONVENTIONS)
-        return covariance_in(convention, self.covariance, self.T_target_source)
+        return covariance_in(convention, self.covariance, self._rigid)
+
+    @property
+    def _rigid(self) -> FloatArray:
+        """The pose of the source in the target's unit."""
+        return self.T_target_source if self.scale == 1.0 else split_scale(self.T_target_source)[1]
 
     def merged(self, source: AnyCloud, target: AnyCloud) -> PointCloud:
         """Lay the source on the target, and make one cloud of both.
@@ -199,8 +210,43 @@ class Registration:
         >>> both.colors.shape == both.points.shape
         True
         """
-        clouds = as_cloud("source", source).transformed(self.T_target_source), as_cloud("target", target)
-        return merge_clouds(clouds, SCAN_COLORS)
+        return merge_clouds((self.place(source), as_cloud("target", target)), SCAN_COLORS)
+
+    def place(self, source: AnyCloud) -> PointCloud:
+        """Lay the source on the target.
+
+        Parameters
+        ----------
+        source : PointCloud or (N,3) array_like of float
+            The cloud that was registered.
+
+        Returns
+        -------
+        PointCloud
+            In the target's frame and unit, with normals turned along.
+
+        Raises
+        ------
+        InputError
+            If the cloud can't be worked with.
+
+        Examples
+        --------
+        >>> from cgroup.datasets import standin_pair
+        >>> from cgroup.registration import register
+        >>> pair = standin_pair(pixels=60)
+        >>> done = register(pair.source, pair.target)
+        >>> placed = done.place(pair.source)
+        >>> len(placed) == len(pair.source)
+        True
+        """
+        return self._in_the_target_unit(as_cloud("source", source)).transformed(self._rigid)
+
+    def _in_the_target_unit(self, cloud: PointCloud) -> PointCloud:
+        if self.scale == 1.0:
+            return cloud
+        place = None if cloud.viewpoint is None else self.scale * cloud.viewpoint
+        return replace(cloud, points=self.scale * cloud.points, viewpoint=place)
 
     def plot(
         self,
@@ -240,12 +286,15 @@ class Registration:
         >>> type(figure).__name__
         'Figure'
         """
-        pose = self.T_target_source
-        given = {"source": source, "target": target, "pose": pose, "correct": correct}
+        matches = self.correspondences
+        if self.scale != 1.0:
+            matches = scale_matches(matches, self.scale)
+            source = None if source is None else self._in_the_target_unit(as_cloud("source", source))
+        given = {"source": source, "target": target, "pose": self._rigid, "correct": correct}
         title = f"right with a probability of {self.probability:.2f}"
         return plot(
             given,
-            self.correspondences,
+            matches,
             self.grouping.mask,
             interactive=interactive,
             title=title,
@@ -266,6 +315,7 @@ class Registration:
             ("residual", f"{self.inlier_rmse:.3g} there"),
             ("matches", together),
             ("voxel", f"{self.voxel:.4g}"),
+            ("scale", "" if self.scale == 1.0 else f"{self.scale:.5g}"),
             *(("note", note) for note in self.notes),
             ("time", f"{sum(self.seconds.values()):.2f} s"),
             ("pose", pose_html(self.T_target_source)),

@@ -38,7 +38,7 @@ from cgroup.io._files import check_outputs
 from cgroup.io._results import make_folder, remove_files
 from cgroup.registration import DenseFront, Effort, PaperFront, Registration, assess, register
 from cgroup.registration.motions import say_direction
-from cgroup.rigid import apply, axis_of, invert
+from cgroup.rigid import apply, axis_of, invert, split_scale
 from cgroup.types import FloatArray, PointCloud
 
 Front = Literal["dense", "paper"]
@@ -126,7 +126,9 @@ def print_registration(document: Document, *, verbose: bool = False) -> None:
 
 def placement_facts(done: Document, middle: Sequence[float]) -> list[tuple[str, str]]:
     """Say where the source was placed, whose middle is given, and how sure and precise that is."""
-    pose, center = np.array(done["T_target_source"]), np.array([middle])
+    scale, pose = done.get("scale", 1.0), np.array(done["T_target_source"])  # older documents have none
+    pose = pose if scale == 1.0 else split_scale(pose)[1]
+    center = scale * np.array([middle])
     angle, way = rotation_error(pose, np.eye(4)), float(np.linalg.norm(apply(pose, center) - center))
     turned = f"turned by {angle:.3g} degrees about the axis {say_direction(axis_of(pose))}"
     turned = turned if angle > _LEAST_TURN else "not turned"
@@ -137,6 +139,7 @@ def placement_facts(done: Document, middle: Sequence[float]) -> list[tuple[str, 
     caveat = "one standard deviation, of noise and shape alone: a scan that is bent adds to it"
     return [
         ("pose", f"{turned}, {moved}"),
+        *([("scale", f"{scale:.5g} (the source's unit in the target's)")] if scale != 1.0 else []),
         ("probability", f"{chance} that the pose is right"),
         ("overlap", f"{shares[0]} of the source lies on the target, {shares[1]} of the target on the source"),
         ("residual", f"{show_length(done['inlier_rmse'])} between the surfaces there (root mean square)"),
@@ -184,6 +187,9 @@ def _print_files(files: Sequence[Path]) -> None:
     "",
     "# near a pose that is known roughly: to 5 m, and 10 degrees",
     "cgroup register a.pcd b.pcd --initial odometry.txt --radius 5 --angle 10",
+    "",
+    "# a source whose unit is 0.5 to 2 of the target's",
+    "cgroup register a.ply b.ply --scale 0.5 2",
     "",
     "# how far from a pose that is known to be true",
     "cgroup register a.ply b.ply --truth pose.txt",
@@ -246,6 +252,13 @@ def register_command(
     angle: float | None = option(
         None, "DEGREES", "How far --initial may be turned, 60 at most.", options.SEARCH, "15"
     ),
+    scale: tuple[float, float] | None = option(
+        None,
+        "LOW HIGH",
+        "Seek the scale too, between these: the source's unit in the target's, where they differ.",
+        options.SEARCH,
+        "the same unit",
+    ),
     truth: Path | None = option(
         None, "POSE", "File of the true pose, to say how far the one found is from it.", "Truth"
     ),
@@ -269,6 +282,8 @@ def register_command(
     if method is not None:
         method = check_method(method)
     _refuse_options_of_the_other_front(context, front)
+    if truth is not None and scale is not None:
+        raise InputError("truth", remedy="files of poses have no scale; leave out --truth, or --scale")
     true_pose, rough = (None if file is None else io.read_transform(file) for file in (truth, initial))
     own = None if matches is None else io.read_correspondences(matches)
     clouds = read_both(source, target)
@@ -289,6 +304,7 @@ def register_command(
                 initial=rough,
                 radius=radius,
                 angle=angle,
+                scale=scale or False,
                 method=method,
                 progress=begin,
             )
@@ -420,7 +436,7 @@ class PairFiles:
         )
         make_folder(self._folder)
         write_pose(self._file(_POSE), pose, self._frames)
-        io.write_cloud(self._file(_ALIGNED), clouds[0].transformed(pose))
+        io.write_cloud(self._file(_ALIGNED), done.place(clouds[0]))
         io.write_correspondences(self._file(".npz"), done.correspondences)
         write_figure(self._file(".png"), figure)
         if merged:
@@ -457,6 +473,7 @@ def registration_results(
     results: Document = {
         "ok": done.ok,
         "T_target_source": done.T_target_source,
+        "scale": done.scale,
         "probability": done.probability,
         "fitness": done.fitness,
         "target_fitness": done.target_fitness,

@@ -1,0 +1,195 @@
+"""Registration of clouds whose scale is unknown."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from register_shapes import FloatArray, arrow, best_guess, moved
+from shared_data import data_folder
+
+from cgroup.datasets import open_dataset, standin_pair
+from cgroup.errors import InputError, NoConsensusError
+from cgroup.registration import PaperFront, Registration, prepare, register
+from cgroup.registration.scale import fit_similarity
+from cgroup.rigid import apply, check_rigid, scaling, split_scale
+from cgroup.types import PointCloud
+from strategies import random_motion
+
+PAIR = standin_pair(pixels=80)
+SOURCE, TARGET, TRUTH = PAIR.source.points, PAIR.target.points, PAIR.T_target_source
+SCALE = 2.5
+
+
+@pytest.fixture(scope="module")
+def done() -> Registration:
+    told: list[str] = []
+    source = SOURCE / SCALE
+    copy = source.copy()
+    found = register(source, TARGET, scale=True, progress=told.append)
+    np.testing.assert_array_equal(source, copy)
+    assert list(dict.fromkeys(told)) == list(found.seconds)
+    return found
+
+
+def is_right(done: Registration, truth: FloatArray, source: FloatArray) -> bool:
+    away = apply(done.T_target_source, source) - apply(truth, source)
+    return bool(np.linalg.norm(away, axis=1).max() < 0.5 * done.voxel)
+
+
+def test_the_similarity_is_found(done: Registration) -> None:
+    assert done.ok
+    assert done.scale == pytest.approx(SCALE, rel=0.01)
+    assert is_right(done, TRUTH @ scaling(SCALE), SOURCE / SCALE)
+    scale, rigid = split_scale(done.T_target_source)
+    assert scale == pytest.approx(done.scale, rel=1e-12)
+    check_rigid(rigid)
+
+
+@pytest.mark.parametrize("scale", [1 / 3, 0.8, 1.0, 1000.0])
+def test_any_unit_will_do(scale: float) -> None:
+    source, motion = moved(SOURCE, seed=3)
+    found = register(source / scale, TARGET, scale=True)
+    assert found.scale == pytest.approx(scale, rel=0.01)
+    assert is_right(found, TRUTH @ np.linalg.inv(motion) @ scaling(scale), source / scale)
+
+
+def test_viewpoints_and_normals_scale_along() -> None:
+    source = PointCloud(SOURCE / SCALE, viewpoint=np.zeros(3))
+    eyes: dict[str, Any] = {"target_viewpoint": PAIR.target_viewpoint}
+    told = register(source, TARGET, scale=True, **eyes)
+    moved_eye = np.array([1.0, 2.0, 3.0])
+    shifted = register(SOURCE / SCALE + moved_eye, TARGET, scale=True, source_viewpoint=moved_eye, **eyes)
+    for found in (told, shifted):
+        assert found.ok
+        assert found.scale == pytest.approx(SCALE, rel=0.01)
+
+
+def test_bounds_narrow_the_scale(done: Registration) -> None:
+    found = register(SOURCE / SCALE, TARGET, scale=(2.4, 2.6))
+    assert found.scale == pytest.approx(done.scale, rel=2e-3)
+    assert register(SOURCE / SCALE, TARGET, scale=(SCALE, SCALE)).scale == SCALE
+    with pytest.raises(NoConsensusError) as caught:
+        register(SOURCE / SCALE, TARGET, scale=(3.0, 4.0))
+    assert caught.value.registration is None or caught.value.registration.scale >= 3.0
+
+
+def test_unrelated_clouds_are_refused() -> None:
+    for seed in (5, 6):
+        other = standin_pair(seed=seed, pixels=80).target
+        with pytest.raises(NoConsensusError):
+            register(SOURCE / SCALE, other, scale=True)
+
+
+def test_a_corner_leaves_the_scale_free() -> None:
+    def corner(seed: int, noise: float = 2e-3) -> FloatArray:
+        rng = np.random.default_rng(seed)
+        points = np.abs(rng.normal(scale=noise, size=(9000, 3)))
+        for axis in range(3):
+            rows = slice(3000 * axis, 3000 * (axis + 1))
+            points[rows] = np.where(np.arange(3) == axis, points[rows], rng.uniform(size=(3000, 3)))
+        return points
+
+    source, _ = moved(corner(0), seed=2)
+    with pytest.raises(NoConsensusError, match="leave the scale free"):
+        register(2.0 * source, corner(1), scale=True)
+    assert best_guess(2.0 * source, corner(1), scale=True).probability < 0.5
+
+
+def test_the_result_speaks_of_the_source_as_given(done: Registration) -> None:
+    source = SOURCE / SCALE
+    matches, group = done.correspondences, done.grouping
+    away = np.linalg.norm(apply(done.T_target_source, matches.source) - matches.target, axis=1)
+    np.testing.assert_array_equal(group.mask, away <= 2 * done.voxel)
+    np.testing.assert_allclose(matches.source_centroid, source.mean(axis=0), atol=1e-9)
+    np.testing.assert_array_equal(group.model, done.T_target_source)
+    placed = done.place(PointCloud(source, viewpoint=np.ones(3)))
+    np.testing.assert_allclose(placed.points, apply(done.T_target_source, source), atol=1e-9)
+    np.testing.assert_allclose(placed.viewpoint, apply(done.T_target_source, np.ones((1, 3)))[0], atol=1e-9)
+    both = done.merged(source, TARGET)
+    assert np.ptp(both.points, axis=0).max() < 2 * np.ptp(TARGET, axis=0).max()
+    assert len(done.plot(source, TARGET).axes) == len(done.plot().axes)
+    assert "scale" in done._repr_html_()
+
+
+def test_the_covariance_is_that_of_the_scaled_source(done: Registration) -> None:
+    known = register(done.scale * SOURCE / SCALE, TARGET)
+    for convention in ("gtsam", "g2o", "ros"):
+        # What is left of displacements differs a little from one voxel grid to another.
+        spread, expected = (one.covariance_in(convention).diagonal() ** 0.5 for one in (done, known))
+        np.testing.assert_allclose(spread, expected, rtol=0.5)
+    np.testing.assert_allclose(done.deviations, known.deviations, rtol=1.0)
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.floats(-0.03, 0.03), st.integers(0, 99))
+def test_a_similarity_is_fitted(off: float, seed: int) -> None:
+    shape = arrow(0)
+    target = prepare(arrow(1), voxel=0.06)
+    motion = random_motion(np.random.default_rng(seed), 3.0)
+    source = prepare(apply(np.linalg.inv(motion), shape) / np.exp(off), voxel=0.06)
+    start = motion.copy()
+    start[:3, 3] += 0.02
+    fitted = fit_similarity(source, target, start)
+    assert fitted is not None
+    assert fitted.scale == pytest.approx(np.exp(off), rel=3e-3)
+    placed = apply(fitted.pose @ scaling(fitted.scale), source.voxels.points)
+    expected = apply(motion @ scaling(float(np.exp(off))), source.voxels.points)
+    assert np.linalg.norm(placed - expected, axis=1).max() < 0.02
+    assert fitted.resistance > 0.05
+
+
+def test_nothing_to_fit_is_none() -> None:
+    scan = prepare(arrow(0), voxel=0.06)
+    away = np.eye(4)
+    away[0, 3] = 100.0
+    assert fit_similarity(scan, scan, away) is None
+
+
+@pytest.mark.parametrize(
+    ("scale", "message"),
+    [
+        (2.0, "scale: got 2.0; give True, or the least and the greatest"),
+        ((1.0,), "scale: got"),
+        ("any", "scale: got 'any'"),
+        ((2.0, 1.0), "give the least scale first"),
+        ((0.0, 1.0), "scale: got 0.0; give a finite number greater than 0"),
+        ((10.0, 20.0), "the clouds' sizes speak for"),
+    ],
+)
+def test_bounds_are_checked(scale: Any, message: str) -> None:
+    with pytest.raises(InputError) as caught:
+        register(SOURCE, TARGET, scale=scale)
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "others",
+    [
+        {"matches": ([0], [0])},
+        {"initial": np.eye(4)},
+        {"front": PaperFront()},
+        {"descriptors": (np.ones((len(SOURCE), 3)), np.ones((len(TARGET), 3)))},
+    ],
+)
+def test_what_needs_a_known_scale_is_refused(others: dict[str, Any]) -> None:
+    with pytest.raises(InputError, match=f"scale, {next(iter(others))}: the scale is sought by all voxels"):
+        register(SOURCE, TARGET, scale=True, **others)
+
+
+def test_prepared_scans_are_refused() -> None:
+    with pytest.raises(InputError, match="source: got a PreparedScan"):
+        register(prepare(SOURCE, voxel=6.0), TARGET, scale=True)
+
+
+@pytest.mark.parametrize("name", ["bunny/bun000-bun045", "bunny/bun090-top2"])
+def test_range_views(name: str) -> None:
+    pair = open_dataset("stanford", data_folder("stanford_views")).load(name)
+    eyes = {
+        "source_viewpoint": np.array(pair.source_viewpoint) * 0.6,
+        "target_viewpoint": pair.target_viewpoint,
+    }
+    found = register(0.6 * pair.source.points, pair.target, scale=True, **eyes)
+    assert found.scale == pytest.approx(1 / 0.6, rel=0.01)
+    assert is_right(found, pair.T_target_source @ scaling(1 / 0.6), 0.6 * pair.source.points)
