@@ -616,8 +616,8 @@ class PointCloud:
     colors : (N,3) array of uint8, optional
         Red, green, blue.
     dropped : int
-        Points of the file that were left out because a coordinate was NaN or infinite, or because the scanner
-        saw nothing there.
+        Points of the file that were left out because a coordinate was NaN or infinite, because the scanner
+        saw nothing there, or because a splat can hardly be seen.
     viewpoint : (3,) array of float64, optional
         Where the scanner stood, in the frame of the points, if the file says so. PCD and E57 can't say that
         it was the origin: writers put that where they know no place. None for a file of scans from

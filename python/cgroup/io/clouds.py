@@ -60,7 +60,8 @@ def read_cloud(path: str | os.PathLike[str]) -> PointCloud:
     points of exactly equal coordinates are made one. Other formats are taken as they are, in the file's
     order. Polygons are cut into triangles that share their first corner. Colours that are given as shares of
     one or by 16 bits become bytes. What a file declares is checked against its length before memory is taken
-    for it. Ctrl-C is heard.
+    for it. Ctrl-C is heard. Of 3D Gaussian splats in PLY the centres are read, without normals; those of an
+    opacity below 0.1 are left out and counted too.
 
     Parameters
     ----------
