@@ -34,7 +34,7 @@ from cgroup.io import (
 )
 from cgroup.registration import describe
 from cgroup.registry import label_of
-from cgroup.rigid import rotation_error
+from cgroup.rigid import apply, rotation_error
 
 pytestmark = pytest.mark.usefixtures("elsewhere")
 
@@ -147,6 +147,21 @@ def test_register_near_a_rough_pose(pair: tuple[Path, Path], folder: Path, capsy
     status, _, err = run(capsys, *line, "--radius", 2, "--angle", 1)
     assert status == 3
     assert "give a larger --radius or --angle, or no --initial" in err
+
+
+def test_register_with_another_unit(folder: Path, capsys: Capture) -> None:
+    line = ("register", folder / "metres.ply", folder / "target.ply", "--scale", 500, 2000)
+    written = ("--out", "of-metres", "--merged", "--html")
+    facts = facts_of(succeed(capsys, *line, *written))
+    assert float(facts["scale"].split()[0]) == pytest.approx(1000, rel=0.01)
+    done = json.loads(succeed(capsys, *line, *written, "--json"))["results"]
+    assert done["scale"] == pytest.approx(1000, rel=0.01)
+    aligned = read_cloud(Path("of-metres/metres_on_target_aligned.ply"))
+    expected = apply(np.array(done["T_target_source"]), read_cloud(folder / "metres.ply").points)
+    np.testing.assert_allclose(aligned.points, expected, atol=1e-6)
+    status, _, err = run(capsys, *line, "--truth", folder / "truth.txt")
+    assert status == 2
+    assert "--truth: files of poses have no scale" in err
 
 
 @pytest.mark.parametrize(
@@ -436,6 +451,8 @@ WRONG = [
         "register {source} {target} --initial {folder}/truth.txt --angle 90",
         "give 60 degrees at most, or no --initial",
     ),
+    ("register {source} {target} --scale 2 1", "--scale: got (2, 1); give the least scale first"),
+    ("register {source} {target} --scale 1 2 --front paper", "leave out --front"),
     ("register {source} {target} --radius 5", "--radius: got 5, but no --initial"),
     ("register {source} {target} --angle 5", "--angle: got 5, but no --initial"),
     ("register {source}", "Missing argument"),

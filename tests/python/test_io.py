@@ -77,6 +77,21 @@ def test_leaves_out_points_that_are_not_finite(tmp_path: Path) -> None:
     assert cloud.dropped == 2
 
 
+def test_splats_that_can_hardly_be_seen_are_left_out(tmp_path: Path) -> None:
+    names = ["x", "y", "z", "nx", "ny", "nz", "f_dc_0", "opacity", "scale_0", "rot_0"]
+    opacities = np.array([0.99, 0.11, 0.09, 0.005])
+    rows = np.zeros((4, len(names)), "<f4")
+    rows[:, :3] = np.arange(12).reshape(4, 3)
+    rows[:, names.index("opacity")] = np.log(opacities / (1 - opacities))
+    properties = "".join(f"property float {name}\n" for name in names)
+    header = f"ply\nformat binary_little_endian 1.0\nelement vertex 4\n{properties}end_header\n"
+    (tmp_path / "splats.ply").write_bytes(header.encode() + rows.tobytes())
+    cloud = read_cloud(tmp_path / "splats.ply")
+    np.testing.assert_array_equal(cloud.points, np.arange(6).reshape(2, 3))
+    assert cloud.dropped == 2
+    assert cloud.normals is None
+
+
 def test_faces_follow_when_points_are_left_out(tmp_path: Path) -> None:
     broken = np.vstack([np.full((1, 3), np.nan), TETRAHEDRON])
     cloud = PointCloud(broken, faces=np.vstack([FACES + 1, [[0, 1, 2]]]))

@@ -28,6 +28,9 @@ pub(super) const COLOR: [usize; 3] = [6, 7, 8];
 /// Numbers of one point: position, normal, colour.
 pub(super) type Row = [f64; 9];
 
+/// Opacity from which a splat is taken to show a surface, as the logit that files hold: 0.1.
+const LEAST_OPACITY: f64 = -2.197_224_577_336_219_6;
+
 /// How the numbers of colours are meant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum ColorScale {
@@ -94,6 +97,17 @@ impl Points {
     /// Colours of some rows.
     pub fn colors(&mut self, rows: Range<usize>) -> impl Iterator<Item = &mut [f64; 3]> {
         self.reals.as_mut().and_then(|colors| colors.get_mut(rows)).unwrap_or_default().iter_mut()
+    }
+
+    /// Splats that can be seen: the others are at no place (NaN). Each has its opacity last in its normal's stead.
+    pub fn opaque(mut self) -> Self {
+        let normals = self.content.normals.take().unwrap_or_default();
+        for (point, [.., opacity]) in self.content.points.iter_mut().zip(normals) {
+            if !(opacity >= LEAST_OPACITY) {
+                *point = [f64::NAN; 3];
+            }
+        }
+        self
     }
 
     /// Number of points so far.

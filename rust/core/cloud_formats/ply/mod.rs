@@ -1,6 +1,7 @@
 //! PLY, the polygon file format (Turk 1994): a header that declares elements, then their rows in text or binary.
 //!
 //! Points are the element `vertex` with the properties x y z; nx ny nz and red green blue are taken where they are.
+//! Of 3D Gaussian splats (Kerbl et al. 2023; opacity scale_0 rot_0), whose normals are fillers, those that can be seen are points.
 //! Triangles are the lists `vertex_indices` or `vertex_index` of the element `face`. All else is skipped, and what
 //! follows the last element wanted is not looked at.
 
@@ -72,7 +73,10 @@ fn read_points(element: &Element, source: &mut impl RowSource, execution: &Execu
             "a point has three",
         ));
     };
-    let (normal, color) = (places(["nx", "ny", "nz"]), places(["red", "green", "blue"]));
+    let splat = places(["opacity", "scale_0", "rot_0"]);
+    // The opacity of splats takes the place of their normals, which are dropped.
+    let normal = splat.map(|[opacity, ..]| [opacity; 3]).or_else(|| places(["nx", "ny", "nz"]));
+    let color = places(["red", "green", "blue"]);
     let is_real = |place: usize| element.properties.get(place).is_some_and(|each| each.scalar.is_real());
     let scale = color
         .map(|places| if places.into_iter().any(is_real) { ColorScale::Reals } else { ColorScale::Bytes });
@@ -86,7 +90,7 @@ fn read_points(element: &Element, source: &mut impl RowSource, execution: &Execu
     if let Some((bytes, order)) = source.take_fixed(element)? {
         let columns = fixed_columns(element, &columns)?;
         read_columns(&mut points, element.count, &columns, (bytes, order), execution)?;
-        return Ok(points);
+        return Ok(if splat.is_some() { points.opaque() } else { points });
     }
     for done in 0..element.count {
         if done.is_multiple_of(CHECK_EVERY) {
@@ -102,7 +106,7 @@ fn read_points(element: &Element, source: &mut impl RowSource, execution: &Execu
         }
         points.push(&row)?;
     }
-    Ok(points)
+    Ok(if splat.is_some() { points.opaque() } else { points })
 }
 
 /// The numbers wanted of rows that have no lists.

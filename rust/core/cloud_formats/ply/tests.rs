@@ -98,3 +98,24 @@ fn it_can_be_interrupted() {
     let text = format!("ply\n{HEADER}end_header\n{}", "1 2 3\n".repeat(4));
     assert_eq!(parse(text.as_bytes(), &execution), Err(Error::Interrupted));
 }
+
+#[test]
+fn splats_that_can_hardly_be_seen_are_at_no_place() -> Result<()> {
+    let names = ["x", "y", "z", "nx", "ny", "nz", "f_dc_0", "opacity", "scale_0", "rot_0"];
+    let header = |format: &str| {
+        let properties: String = names.iter().map(|name| format!("property float {name}\n")).collect();
+        format!("ply\nformat {format} 1.0\nelement vertex 3\n{properties}end_header\n")
+    };
+    // Opacities 0.11, 0.09, and none that is a number.
+    let rows =
+        [-2.09_f32, -2.31, f32::NAN].map(|opacity| [1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 0.5, opacity, -4.0, 1.0]);
+    let mut binary = header("binary_little_endian").into_bytes();
+    binary.extend(rows.as_flattened().iter().flat_map(|number| number.to_le_bytes()));
+    let text: String = rows.as_flattened().iter().map(|number| format!("{number} ")).collect();
+    for content in [binary, format!("{}{text}", header("ascii")).into_bytes()] {
+        let cloud = read(&content)?;
+        assert_eq!((cloud.points[0], cloud.normals), ([1.0, 2.0, 3.0], None));
+        assert!(cloud.points[1..].iter().flatten().all(|number| number.is_nan()));
+    }
+    Ok(())
+}
