@@ -137,7 +137,7 @@ def test_prepare_names_its_own_arguments() -> None:
     ("scale", "error", "words"),
     [
         *(
-            (scale, NoConsensusError, "if both show the same, scale one, or let `scale` be estimated")
+            (scale, NoConsensusError, "if both show the same, scale one, or let `register` estimate `scale`")
             for scale in (2.54, 10, 1 / 12)
         ),
         (

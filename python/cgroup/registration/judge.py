@@ -153,12 +153,17 @@ class Judgement:
 
 
 def judge(
-    found: Found | None, source: PreparedScan, target: PreparedScan, axis: FloatArray | None = None
+    found: Found | None,
+    source: PreparedScan,
+    target: PreparedScan,
+    axis: FloatArray | None = None,
+    *,
+    scaled: bool = False,
 ) -> Judgement:
-    """Judge what a search in two scans has found, if anything."""
+    """Judge what a search in two scans has found, if anything; `scaled` where the scale was sought."""
     if found is None:
         reason = "no pose could be proposed" + ("" if axis is None else " that keeps the axis")
-        reason = f"{reason}; {_remedy(source, target, axis)}"
+        reason = f"{reason}; {_remedy(source, target, axis, scaled=scaled)}"
         return Judgement(ok=False, probability=0.0, reason=reason, notes=())
     notes = tuple(_notes(found))
     notes += tuple(_count_strays(scan) for scan in (source, target) if scan.scan.strays)
@@ -166,7 +171,7 @@ def judge(
         notes += (*_find_rounded(source, target), *_find_layers(source, target))
         return Judgement(ok=True, probability=found.probability, reason="", notes=notes)
     reason = _explain(found, notes[0] if found.motions > MOST_OPEN_MOTIONS else "")
-    reason = f"{reason}; {_remedy(source, target, axis)}"
+    reason = f"{reason}; {_remedy(source, target, axis, scaled=scaled)}"
     return Judgement(ok=False, probability=found.probability, reason=reason, notes=notes)
 
 
@@ -379,16 +384,16 @@ def _find_layers(*scans: PreparedScan) -> list[str]:
     return layered
 
 
-def _remedy(source: PreparedScan, target: PreparedScan, axis: FloatArray | None) -> str:
+def _remedy(source: PreparedScan, target: PreparedScan, axis: FloatArray | None, *, scaled: bool) -> str:
     """Say what may be wrong, and what else could be given."""
     rounded = _find_rounded(source, target)
     if rounded:
         return rounded[0]
     sizes = source.scan.cloud.diagonal, target.scan.cloud.diagonal
-    if max(sizes) > _SIZES_DIFFER * min(sizes):
+    if not scaled and max(sizes) > _SIZES_DIFFER * min(sizes):
         return (
             f"the clouds are {sizes[0]:.3g} and {sizes[1]:.3g} across: if both show the same, scale one, or "
-            "let `scale` be estimated"
+            "let `register` estimate `scale`"
         )
     layered = _find_layers(source, target)
     if layered:

@@ -115,7 +115,7 @@ def register_scaled(
             clipped = float(np.clip(scale * fitted.scale, low, high))
             found.append(Candidate(clipped, fitted.pose, rough.cases[0]))
     if not found:
-        return None, judge(None, source, target, search.axis)
+        return None, judge(None, source, target, search.axis, scaled=True)
     found.sort(key=lambda candidate: -weigh(candidate.case))
     best = found[0]
     agreed = agree((_scaled(given[0], best.scale), given[1]), voxel, front, threads)
@@ -128,10 +128,10 @@ def register_scaled(
     source = agreed.finish(_scaled(given[0], scale), begin, by_frames=by_frames)
     placed = replace(search, proposed=fitted.pose[None]).run(source, target)
     if placed is None:
-        return None, judge(None, source, target, search.axis)
+        return None, judge(None, source, target, search.axis, scaled=True)
     is_open = fitted.resistance <= OPEN
     placed = _weigh_scales(placed, scale, found, tried, is_open=is_open)
-    judgement = judge(placed, source, target, search.axis)
+    judgement = judge(placed, source, target, search.axis, scaled=True)
     if is_open:
         reason = "the surfaces leave the scale free, as a corner does: give clouds that show more"
         judgement = replace(judgement, reason=reason)

@@ -103,7 +103,7 @@ impl Points {
     pub fn opaque(mut self) -> Self {
         let normals = self.content.normals.take().unwrap_or_default();
         for (point, [.., opacity]) in self.content.points.iter_mut().zip(normals) {
-            if !(opacity >= LEAST_OPACITY) {
+            if opacity.is_nan() || opacity < LEAST_OPACITY {
                 *point = [f64::NAN; 3];
             }
         }

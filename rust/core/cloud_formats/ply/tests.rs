@@ -111,7 +111,8 @@ fn splats_that_can_hardly_be_seen_are_at_no_place() -> Result<()> {
         [-2.09_f32, -2.31, f32::NAN].map(|opacity| [1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 0.5, opacity, -4.0, 1.0]);
     let mut binary = header("binary_little_endian").into_bytes();
     binary.extend(rows.as_flattened().iter().flat_map(|number| number.to_le_bytes()));
-    let text: String = rows.as_flattened().iter().map(|number| format!("{number} ")).collect();
+    let line = |row: [f32; 10]| row.map(|number| format!("{number} ")).concat() + "\n";
+    let text = rows.map(line).concat();
     for content in [binary, format!("{}{text}", header("ascii")).into_bytes()] {
         let cloud = read(&content)?;
         assert_eq!((cloud.points[0], cloud.normals), ([1.0, 2.0, 3.0], None));
