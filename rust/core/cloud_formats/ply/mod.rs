@@ -1,7 +1,7 @@
 //! PLY, the polygon file format (Turk 1994): a header that declares elements, then their rows in text or binary.
 //!
 //! Points are the element `vertex` with the properties x y z; nx ny nz and red green blue are taken where they are.
-//! Of 3D Gaussian splats (Kerbl et al. 2023; opacity scale_0 rot_0), whose normals are fillers, those that can be seen are points.
+//! Of 3D Gaussian splats (Kerbl et al. 2023; `opacity`, `scale_0`, `rot_0`), whose normals are fillers, those that can be seen are points.
 //! Triangles are the lists `vertex_indices` or `vertex_index` of the element `face`. All else is skipped, and what
 //! follows the last element wanted is not looked at.
 

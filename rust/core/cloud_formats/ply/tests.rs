@@ -103,7 +103,7 @@ fn it_can_be_interrupted() {
 fn splats_that_can_hardly_be_seen_are_at_no_place() -> Result<()> {
     let names = ["x", "y", "z", "nx", "ny", "nz", "f_dc_0", "opacity", "scale_0", "rot_0"];
     let header = |format: &str| {
-        let properties: String = names.iter().map(|name| format!("property float {name}\n")).collect();
+        let properties = names.map(|name| format!("property float {name}\n")).concat();
         format!("ply\nformat {format} 1.0\nelement vertex 3\n{properties}end_header\n")
     };
     // Opacities 0.11, 0.09, and none that is a number.
