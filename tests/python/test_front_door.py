@@ -194,10 +194,11 @@ def test_lc_is_the_default() -> None:
     assert found.ok
     np.testing.assert_array_equal(found.mask, cgroup.lc(SOURCE, TARGET, resolution=PROBLEM.resolution).mask)
     assert cgroup.group_many([MATCHES])[0].ok
+    assert cgroup.group(Correspondences(SOURCE, TARGET)).ok
     with pytest.raises(
         InputError, match="give `resolution` .* cgroup.features.resolution.*or give `tolerance`"
     ):
-        cgroup.group(Correspondences(SOURCE, TARGET))
+        cgroup.group(Correspondences(SOURCE, TARGET), "sc2pcr")
 
 
 @pytest.mark.parametrize("viewpoint", [None, PAIR.source_viewpoint])

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from cgroup.types import BoolArray, FloatArray, Grouping
 
 _OF_THE_CLOUDS = ("resolution", "source_centroid")  # all other fields have a row per match
+_RESOLUTIONS = 3.0  # in LC's tolerance
 
 
 @explain_wrong_calls
@@ -130,8 +131,13 @@ def propose_poses(
     threads: int | None,
     **options: Any,  # noqa: ANN401 - those of the method
 ) -> FloatArray:
-    """Group matches, and return the poses of the group; LC groups them by position alone."""
+    """Group matches, and return the poses of the group; LC groups them by position alone.
+
+    Where the resolution is known, it is that of voxels, so LC need not look for another.
+    """
     if method == "lc":
+        if matches.resolution is not None:
+            options = {"tolerance": _RESOLUTIONS * matches.resolution, **options}
         by_position = {name: getattr(matches, name) for name in ("source", "target", "ratio", "resolution")}
         matches = own_correspondences(Fields(**by_position))
     return group_poses(group(matches, method, threads=threads, **options))
