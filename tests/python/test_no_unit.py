@@ -73,9 +73,9 @@ def test_too_few_matches_give_no_group(count: int) -> None:
 
 
 def test_matches_of_others_need_no_unit() -> None:
-    data_folder("corr")
+    root = data_folder("corr")
     for name in ("corr", "corr-three"):
-        matches = open_dataset(name)
+        matches = open_dataset(name, root)
         for pair_name in matches.pair_names():
             pair = matches.load(pair_name)
             given = pair.correspondences
