@@ -90,6 +90,8 @@ GROUPS: dict[str, dict[str, str]] = {
         "How good a group is": "score_group score_counts GroupScore Scores",
         "How good a pose is": "alignment_error mean_displacement rotation_error translation_error",
         "How good a scene is": "score_scene SceneScore ecdf",
+        "Recalls of benchmarks": "redwood_error registration_recall feature_matching_recall inlier_ratio "
+        "mean_average_accuracy",
         "Registered or not": "Protocol PROTOCOLS",
         "How hard a pair is": "overlap clutter_and_occlusion within",
     },

@@ -229,10 +229,8 @@ def rotation_error(estimated: ArrayLike, true: ArrayLike) -> float:
     >>> rotation_error(quarter_turn, np.eye(4))
     90.0
     """
-    turn = check_rigid(estimated, "estimated")[:3, :3].T @ check_rigid(true, "true")[:3, :3]
-    # The sine keeps the precision that the arc cosine of the trace loses near 0 and 180 degrees.
-    sine = np.linalg.norm((turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]))
-    return float(np.degrees(np.arctan2(sine, np.trace(turn) - 1)))
+    between = check_rigid(estimated, "estimated")[:3, :3].T @ check_rigid(true, "true")[:3, :3]
+    return float(angles(between[None])[0])
 
 
 def translation_error(estimated: ArrayLike, true: ArrayLike) -> float:
@@ -264,6 +262,29 @@ def translation_error(estimated: ArrayLike, true: ArrayLike) -> float:
     """
     difference = check_rigid(estimated, "estimated")[:3, 3] - check_rigid(true, "true")[:3, 3]
     return float(np.linalg.norm(difference))
+
+
+def angles(rotations: FloatArray) -> FloatArray:
+    """Return the angles (n,) in degrees, 0 to 180, by which rotations (n,3,3) turn."""
+    sines = (rotations - rotations.transpose(0, 2, 1))[:, [2, 0, 1], [1, 2, 0]]
+    # The sine keeps the precision that the arc cosine of the trace loses near 0 and 180 degrees.
+    cosine = np.einsum("nii->n", rotations) - 1
+    return np.degrees(np.arctan2(np.linalg.norm(sines, axis=1), cosine))
+
+
+def quaternions(rotations: FloatArray) -> FloatArray:
+    """Return unit quaternions (n,4), x y z w with w >= 0, of rotations (n,3,3).
+
+    The quaternion is an eigenvector, after I. Y. Bar-Itzhack (*New method for extracting the quaternion from
+    a rotation matrix*, 2000).
+    """
+    trace = np.einsum("nii->n", rotations)
+    table = np.zeros((len(rotations), 4, 4))  # the lower triangle counts
+    table[:, :3, :3] = rotations + rotations.transpose(0, 2, 1) - trace[:, None, None] * np.eye(3)
+    table[:, 3, :3] = (rotations - rotations.transpose(0, 2, 1))[:, [2, 0, 1], [1, 2, 0]]
+    table[:, 3, 3] = trace
+    found = np.linalg.eigh(table)[1][:, :, 3]
+    return found * np.where(found[:, 3:] < 0, -1, 1) + 0.0  # no -0.0
 
 
 def cross_products(one: FloatArray, other: FloatArray) -> FloatArray:

@@ -170,6 +170,11 @@ def _judgement() -> dict[str, dict[str, dict[str, Any]]]:
             "mean_displacement": {"points": POINTS} | poses,
             "clutter_and_occlusion": mesh | {"T_scene_model": np.eye(4)} | tolerance,
             "ecdf": {"errors": [1.0, 2.0], "limits": [1.5]},
+            "mean_average_accuracy": {"errors": [1.0, 2.0], "limits": [1.5]},
+            "inlier_ratio": matched | pose,
+            "redwood_error": poses | {"information": np.eye(6)},
+            "registration_recall": {"registered": [True, False], "scenes": ["a", "b"]},
+            "feature_matching_recall": {"inlier_ratios": [0.1, 0.2], "scenes": ["a", "b"]},
             "score_scene": {
                 "poses": [np.eye(4)] * 2,
                 "components": [[0, 1]],

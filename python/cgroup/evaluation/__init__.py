@@ -1,4 +1,4 @@
-"""Evaluate groups, and poses of many scans, against the true poses.
+"""Evaluate groups, poses of pairs, and poses of many scans against the true poses.
 
 Knows nothing of the methods that made them.
 """
@@ -14,6 +14,13 @@ from cgroup.evaluation.ground_truth import (
 )
 from cgroup.evaluation.metrics import GroupScore, Scores, score_counts, score_group
 from cgroup.evaluation.protocols import PROTOCOLS, Protocol
+from cgroup.evaluation.recalls import (
+    feature_matching_recall,
+    inlier_ratio,
+    mean_average_accuracy,
+    redwood_error,
+    registration_recall,
+)
 from cgroup.evaluation.scenes import SceneScore, ecdf, score_scene
 from cgroup.rigid import rotation_error, translation_error
 
@@ -27,9 +34,14 @@ __all__ = [
     "clutter_and_occlusion",
     "correct_matches",
     "ecdf",
+    "feature_matching_recall",
+    "inlier_ratio",
     "match_errors",
+    "mean_average_accuracy",
     "mean_displacement",
     "overlap",
+    "redwood_error",
+    "registration_recall",
     "rotation_error",
     "score_counts",
     "score_group",

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from cgroup._checks.arrays import as_floats, as_rows
 from cgroup._checks.values import refusal
 from cgroup.errors import InputError
+from cgroup.rigid import angles
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -126,13 +127,8 @@ def score_scene(
     array([0.5])
     """
     estimated, true = as_floats("poses", poses), as_floats("truth", truth)
-    try:
-        count = len(true)
-        places = [str(label) for label in itertools.islice(labels, count + 1)]
-    except Exception as error:  # whatever the object's own conversion raises
-        raise refusal("labels", labels, "give a list of str") from error
-    if len(places) != count:
-        raise InputError("labels", f"{len(places)}", f"give one for each of the {count} true poses")
+    count = len(true) if true.ndim else 0
+    places = as_labels("labels", labels, count, "true poses")
     for name, array in (("poses", estimated), ("truth", true)):
         if array.shape != (count, 4, 4):
             raise InputError(name, f"shape {array.shape}", f"give ({count},4,4): one pose for each label")
@@ -167,6 +163,17 @@ def score_scene(
         wanted=sum(len(each) > 1 for each in members),
         placed=sum(map(len, several)),
     )
+
+
+def as_labels(name: str, value: object, count: int, what: str) -> list[str]:
+    """Return a label for each of so many things."""
+    try:
+        labels = [str(label) for label in itertools.islice(cast("Sequence[object]", value), count + 1)]
+    except Exception as error:  # whatever the object's own conversion raises
+        raise refusal(name, value, "give a list of str") from error
+    if len(labels) != count:
+        raise InputError(name, f"{len(labels)}", f"give one for each of the {count} {what}")
+    return labels
 
 
 def ecdf(errors: ArrayLike, limits: ArrayLike) -> FloatArray:
@@ -207,8 +214,5 @@ def _compare(
 ) -> tuple[FloatArray, FloatArray]:
     """Angles in degrees and distances between relative poses."""
     relative, right = (np.linalg.solve(each[target], each[source]) for each in (estimated, true))
-    turned, wanted = relative[:, :3, :3], right[:, :3, :3]
-    # The chord keeps small angles, whose cosine is 1; 2 sqrt(2) sin(angle / 2) is its length.
-    chord = np.linalg.norm(turned - wanted, axis=(1, 2))
-    angle = 2 * np.arcsin(np.clip(chord / np.sqrt(8), 0, 1))
-    return np.degrees(angle), np.linalg.norm(relative[:, :3, 3] - right[:, :3, 3], axis=1)
+    turns = relative[:, :3, :3].transpose(0, 2, 1) @ right[:, :3, :3]
+    return angles(turns), np.linalg.norm(relative[:, :3, 3] - right[:, :3, 3], axis=1)

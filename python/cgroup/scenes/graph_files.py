@@ -11,7 +11,7 @@ import numpy as np
 from cgroup._checks.quoting import cut, escape
 from cgroup.errors import InputError
 from cgroup.io._files import number_lines
-from cgroup.rigid import turn
+from cgroup.rigid import quaternions, turn
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -138,20 +138,8 @@ def format_g2o(graph: GraphContent) -> str:
 
 
 def motion_lines(poses: FloatArray) -> list[str]:
-    """Write x y z qx qy qz qw of poses.
-
-    The quaternion is an eigenvector, after I. Y. Bar-Itzhack (*New method for extracting the quaternion from
-    a rotation matrix*, 2000).
-    """
-    turned = poses[:, :3, :3]
-    trace = np.einsum("nii->n", turned)
-    table = np.zeros((len(poses), 4, 4))  # the lower triangle counts
-    table[:, :3, :3] = turned + turned.transpose(0, 2, 1) - trace[:, None, None] * np.eye(3)
-    table[:, 3, :3] = (turned - turned.transpose(0, 2, 1))[:, [2, 0, 1], [1, 2, 0]]
-    table[:, 3, 3] = trace
-    quaternions = np.linalg.eigh(table)[1][:, :, 3]
-    quaternions = quaternions * np.where(quaternions[:, 3:] < 0, -1, 1) + 0.0  # no -0.0
-    return number_lines(np.concatenate([poses[:, :3, 3], quaternions], axis=1))
+    """Write x y z qx qy qz qw of poses."""
+    return number_lines(np.concatenate([poses[:, :3, 3], quaternions(poses[:, :3, :3])], axis=1))
 
 
 def parse_json(content: str) -> GraphContent:

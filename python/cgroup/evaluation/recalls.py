@@ -1,0 +1,231 @@
+"""Measures of registration benchmarks, by their names in the literature."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cgroup._checks.arrays import as_floats, as_mask
+from cgroup._checks.values import as_length, as_number
+from cgroup.errors import InputError
+from cgroup.evaluation.ground_truth import match_errors
+from cgroup.evaluation.scenes import as_labels, ecdf
+from cgroup.rigid import check_rigid, quaternions
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike
+
+    from cgroup.types import AnyCloud, FloatArray
+
+
+def redwood_error(estimated: ArrayLike, true: ArrayLike, information: ArrayLike) -> float:
+    """Squared error of a pose by Redwood's information matrix, as 3DMatch has it.
+
+    It is e' I e / I[0,0], where e is the translation of true^-1 estimated and the vector part of its unit
+    quaternion. 3DMatch and Predator call a pair registered if it is at most 0.2 squared.
+
+    Parameters
+    ----------
+    estimated, true : (4,4) array_like of float
+        Poses of the source in the target's frame: of a pair ``i j`` in ``gt.log``, of cloud j in that of i.
+    information : (6,6) array_like of float
+        Of the pair in ``gt.info``; translation first.
+
+    Returns
+    -------
+    float
+        In the square of the data's unit. At half a turn the sign of the quaternion is open, and so is its
+        product with the translation.
+
+    Raises
+    ------
+    InputError
+        If a transform isn't rigid, or the information isn't 6x6, finite, or positive at its beginning.
+
+    Notes
+    -----
+    Choi, Zhou and Koltun: *Robust reconstruction of indoor scenes*, CVPR 2015; Zeng et al.: *3DMatch*,
+    CVPR 2017. It is an RMSE by name only. The matrices of the published ``gt.info`` are sums of G'G with
+    G = [I, -[p]x], of points p in the frame of i and for rotations in radians, while the error is taken in
+    that of j and has half the sine of half the angle: 3DMatch's redkitchen shows it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.evaluation import redwood_error
+    >>> moved = np.eye(4)
+    >>> moved[:3, 3] = [0.3, 0, 0.4]
+    >>> redwood_error(moved, np.eye(4), 5000 * np.eye(6))
+    0.25
+    """
+    poses = [check_rigid(pose, name)[None] for pose, name in ((estimated, "estimated"), (true, "true"))]
+    matrix = as_floats("information", information)
+    if matrix.shape != (6, 6) or not np.isfinite(matrix).all() or matrix[0, 0] <= 0:
+        got = f"shape {matrix.shape}" if matrix.shape != (6, 6) else f"{matrix[0, 0]} at its beginning"
+        raise InputError("information", got, "give a finite 6x6 matrix, translation first")
+    return float(redwood_errors(*poses, matrix[None])[0])
+
+
+def redwood_errors(estimated: FloatArray, true: FloatArray, information: FloatArray) -> FloatArray:
+    """Return the `redwood_error` (n,) of many pairs; NaN without information."""
+    relative = np.linalg.solve(true, estimated)
+    error = np.concatenate([relative[:, :3, 3], quaternions(relative[:, :3, :3])[:, :3]], axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.einsum("ni,nij,nj->n", error, information, error) / information[:, 0, 0]
+
+
+def registration_recall(registered: ArrayLike, *, scenes: Sequence[str] | None = None) -> float:
+    """Share of the pairs that were registered, or the mean of the shares of scenes.
+
+    Parameters
+    ----------
+    registered : (P,) array_like of bool
+        Whether each pair of the benchmark was registered; False for a pair without a pose.
+    scenes : sequence of str, optional
+        Scene of each pair. With it the scenes count alike, as in 3DMatch, Predator and GeoTransformer;
+        without it the pairs, as in DGR and MAC.
+
+    Returns
+    -------
+    float
+        0 to 1; NaN without pairs.
+
+    Raises
+    ------
+    InputError
+        If they aren't truth values, or not one scene per pair.
+
+    Examples
+    --------
+    >>> from cgroup.evaluation import registration_recall
+    >>> registered = [True, True, True, False]
+    >>> registration_recall(registered)
+    0.75
+    >>> registration_recall(
+    ...     registered, scenes=["kitchen", "kitchen", "kitchen", "hotel"]
+    ... )
+    0.5
+    """
+    flags = as_mask("registered", registered)
+    return _mean(flags.astype(np.float64), scenes)
+
+
+def feature_matching_recall(
+    inlier_ratios: ArrayLike, *, least: float = 0.05, scenes: Sequence[str] | None = None
+) -> float:
+    """Share of pairs whose matches have an inlier ratio greater than some least one.
+
+    Parameters
+    ----------
+    inlier_ratios : (P,) array_like of float
+        What `inlier_ratio` returned, of each pair.
+    least : float
+        PPFNet's tau_2; GeoTransformer also counts ratios that equal it.
+    scenes : sequence of str, optional
+        Scene of each pair; with it, the mean of the shares of scenes, as all papers report it.
+
+    Returns
+    -------
+    float
+        0 to 1; NaN without pairs.
+
+    Raises
+    ------
+    InputError
+        If they aren't numbers, or not one scene per pair.
+
+    Notes
+    -----
+    Deng, Birdal and Ilic: *PPFNet*, CVPR 2018.
+
+    Examples
+    --------
+    >>> from cgroup.evaluation import feature_matching_recall
+    >>> feature_matching_recall([0.02, 0.3, 0.06, 0.05])
+    0.5
+    """
+    enough = as_floats("inlier_ratios", inlier_ratios).ravel() > as_number("least", least)
+    return _mean(enough.astype(np.float64), scenes)
+
+
+def inlier_ratio(
+    source: AnyCloud, target: AnyCloud, T_target_source: ArrayLike, *, distance: float = 0.1
+) -> float:
+    """Share of matches whose points lie close to each other under the true pose.
+
+    Parameters
+    ----------
+    source, target : (n,3) array_like of float
+        Matched points.
+    T_target_source : (4,4) array_like of float
+        True pose.
+    distance : float
+        PPFNet's tau_1, exclusive, in the data's unit; 0.1 m is usual on 3DMatch.
+
+    Returns
+    -------
+    float
+        0 to 1; 0 without matches.
+
+    Raises
+    ------
+    InputError
+        If the shapes don't fit, the transform isn't rigid, or the distance isn't positive.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.evaluation import inlier_ratio
+    >>> inlier_ratio(np.zeros((4, 3)), np.diag([0.05, 0.2, 0.3, 0])[:, :3], np.eye(4))
+    0.5
+    """
+    limit = as_length("distance", distance)
+    close = match_errors(source, target, T_target_source) < limit
+    return float(close.mean()) if len(close) else 0.0
+
+
+def mean_average_accuracy(errors: ArrayLike, limits: ArrayLike) -> float:
+    """Mean over limits of the share of errors up to each (mAA).
+
+    Parameters
+    ----------
+    errors : (P,) array_like of float
+        Infinite for pairs without a pose.
+    limits : (L,) array_like of float
+        In the unit of the errors; 1 to 10 degrees in the Image Matching Challenge.
+
+    Returns
+    -------
+    float
+        0 to 1; NaN without errors or limits.
+
+    Raises
+    ------
+    InputError
+        If they aren't numbers.
+
+    Notes
+    -----
+    Jin et al.: *Image matching across wide baselines: from paper to practice*, IJCV 2021.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.evaluation import mean_average_accuracy
+    >>> mean_average_accuracy([0.5, 9.5, np.inf, np.inf], np.arange(1, 11))
+    0.275
+    """
+    shares = ecdf(errors, limits)
+    return float(shares.mean()) if len(shares) else float("nan")
+
+
+def _mean(values: FloatArray, scenes: Sequence[str] | None) -> float:
+    """Mean of values, or of the means of scenes."""
+    if scenes is None:
+        return float(values.mean()) if len(values) else float("nan")
+    _, scene = np.unique(as_labels("scenes", scenes, len(values), "pairs"), return_inverse=True)
+    shares = np.bincount(scene, weights=values) / np.bincount(scene)
+    return float(shares.mean()) if len(shares) else float("nan")
