@@ -18,10 +18,10 @@ from cgroup.datasets.base import (
     mean_resolution,
     measure_overlap,
 )
-from cgroup.datasets.pose_lists import read_log
 from cgroup.errors import InputError
 from cgroup.io import read_cloud
 from cgroup.io._files import read_content
+from cgroup.io._logs import read_log
 from cgroup.io._numpy_files import read_arrays
 from cgroup.types import Correspondences
 

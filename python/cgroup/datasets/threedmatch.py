@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 import numpy as np
 
 from cgroup.datasets.base import FileDataset, MatchingPair, fitting_pose, measure_overlap
-from cgroup.datasets.pose_lists import manifest_pairs, read_log
+from cgroup.datasets.pose_lists import manifest_pairs
 from cgroup.datasets.voxels import voxel_means
 from cgroup.io import read_cloud
+from cgroup.io._logs import read_log
 from cgroup.rigid import check_rigid
 from cgroup.types import PointCloud
 

@@ -16,7 +16,7 @@ from cgroup.errors import InputError
 from cgroup.io import write_file
 from cgroup.io._files import load_text, naming, written_path
 from cgroup.rigid import as_poses
-from cgroup.scenes.graph_files import (
+from cgroup.io._graphs import (
     GraphContent,
     format_g2o,
     format_json,

@@ -10,7 +10,7 @@ import numpy as np
 from cgroup._checks.arrays import in_double
 from cgroup.io._files import number_lines
 from cgroup.registration import PreparedScan
-from cgroup.scenes.graph_files import motion_lines
+from cgroup.io._graphs import motion_lines
 from cgroup.types import PointCloud, as_cloud
 
 if TYPE_CHECKING:

@@ -1,0 +1,58 @@
+"""Redwood's lists of pairs: poses in ``gt.log`` and ``est.log``, information matrices in ``gt.info``."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cgroup.errors import InputError
+from cgroup.io._files import load_text, number_lines
+from cgroup.rigid import check_rigid
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from cgroup.types import FloatArray, IndexArray
+
+
+_NO_LIST = "not a list of poses; {1} lines each: `i j n`, then a {0}x{0} matrix"
+
+
+def read_log(path: Path) -> dict[tuple[int, int], FloatArray]:
+    """Read a ``gt.log``, as 3DMatch, 3DLoMatch and FGR have it: ``T_i_j`` by (i, j), in the file's order.
+
+    It has five lines per pair: ``i j n``, and a 4x4 transform that maps cloud j into the frame of cloud i.
+    """
+    poses = read_matrices(path, 4)
+    try:
+        return {pair: check_rigid(pose, f"pose {pair[0]} {pair[1]}") for pair, pose in poses.items()}
+    except InputError as error:
+        raise InputError(f"{path}: {_NO_LIST.format(4, 5)} ({error})") from error
+
+
+def read_matrices(path: Path, size: int) -> dict[tuple[int, int], FloatArray]:
+    """Read a list of square matrices, each behind a line ``i j n``, by (i, j)."""
+    found: dict[tuple[int, int], FloatArray] = {}
+    try:
+        lines = [line.split() for line in load_text(path).splitlines() if line.strip()]
+        for start in range(0, len(lines), size + 1):
+            first, second = (int(word) for word in lines[start][:2])
+            if (first, second) in found:
+                message = f"{path}: pair {first} {second} is there twice"
+                raise InputError(message)
+            rows = [[float(word) for word in line] for line in lines[start + 1 : start + size + 1]]
+            found[first, second] = np.array(rows).reshape(size, size)
+    except InputError:
+        raise
+    except ValueError as error:
+        raise InputError(f"{path}: {_NO_LIST.format(size, size + 1)} ({error})") from error
+    return found
+
+
+def format_log(pairs: IndexArray, poses: FloatArray) -> str:
+    """Write poses of pairs (n,2), exact to the last bit; other readers split lines at tabs only."""
+    count = int(pairs.max(initial=-1)) + 1
+    blocks = zip(pairs.tolist(), map(number_lines, poses), strict=True)
+    lines = [line for (i, j), rows in blocks for line in (f"{i} {j} {count}", *rows)]
+    return "".join(f"{line}\n" for line in lines).replace(" ", "\t")
