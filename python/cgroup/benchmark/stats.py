@@ -24,6 +24,7 @@ from scipy import stats
 
 from cgroup.benchmark.problem import keyed_rng
 from cgroup.datasets.generated_matches import GeneratedMatches
+from cgroup.evaluation.paired_tests import holm, mcnemar
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Hashable, Sequence
@@ -274,28 +275,6 @@ def signed_rank(one: ArrayLike, other: ArrayLike) -> float:
         return 1.0
     found: Any = stats.wilcoxon(difference, zero_method="pratt", method="asymptotic")
     return float(found.pvalue)
-
-
-def mcnemar(one: ArrayLike, other: ArrayLike) -> float:
-    """Return the p of McNemar's exact test on paired successes."""
-    first, second = np.asarray(one, dtype=bool), np.asarray(other, dtype=bool)
-    only_first, only_second = int((first & ~second).sum()), int((second & ~first).sum())
-    if not only_first + only_second:
-        return 1.0
-    return float(stats.binomtest(only_first, only_first + only_second).pvalue)
-
-
-def holm(p: Sequence[float]) -> list[float]:
-    """Adjust the p of several tests, so that the chance of any false alarm keeps.
-
-    After Holm, Scandinavian Journal of Statistics 1979.
-    """
-    adjusted = [0.0] * len(p)
-    so_far = 0.0
-    for rank, i in enumerate(sorted(range(len(p)), key=lambda i: p[i])):
-        so_far = max(so_far, min(1.0, (len(p) - rank) * p[i]))
-        adjusted[i] = so_far
-    return adjusted
 
 
 def _compare_with_best(values: FloatArray | BoolArray, test: Test, best: int | None = None) -> list[float]:

@@ -13,6 +13,7 @@ try:
     from cgroup.cli.commands import (
         benchmark,
         compare,
+        evaluate,
         features,
         group,
         locate,
@@ -49,7 +50,7 @@ app = make_app(
     ),
     add_completion=True,
 )
-for commands in (register, merge, locate, recognize, compare, group, features):
+for commands in (register, merge, locate, recognize, compare, evaluate, group, features):
     app.add_typer(commands.app)
 app.add_typer(results.app, name="results")
 app.add_typer(benchmark.app, name="benchmark")

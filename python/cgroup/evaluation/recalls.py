@@ -61,17 +61,17 @@ def redwood_error(estimated: ArrayLike, true: ArrayLike, information: ArrayLike)
     >>> redwood_error(moved, np.eye(4), 5000 * np.eye(6))
     0.25
     """
-    poses = [check_rigid(pose, name)[None] for pose, name in ((estimated, "estimated"), (true, "true"))]
+    ours, theirs = check_rigid(estimated, "estimated"), check_rigid(true, "true")
     matrix = as_floats("information", information)
     if matrix.shape != (6, 6) or not np.isfinite(matrix).all() or matrix[0, 0] <= 0:
         got = f"shape {matrix.shape}" if matrix.shape != (6, 6) else f"{matrix[0, 0]} at its beginning"
         raise InputError("information", got, "give a finite 6x6 matrix, translation first")
-    return float(redwood_errors(*poses, matrix[None])[0])
+    return float(redwood_errors(ours[None], theirs[None], matrix[None])[0])
 
 
 def redwood_errors(estimated: FloatArray, true: FloatArray, information: FloatArray) -> FloatArray:
     """Return the `redwood_error` (n,) of many pairs; NaN without information."""
-    relative = np.linalg.solve(true, estimated)
+    relative: FloatArray = np.linalg.solve(true, estimated)  # pyright: ignore[reportAssignmentType]
     error = np.concatenate([relative[:, :3, 3], quaternions(relative[:, :3, :3])[:, :3]], axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.einsum("ni,nij,nj->n", error, information, error) / information[:, 0, 0]

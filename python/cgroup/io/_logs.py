@@ -11,12 +11,10 @@ from cgroup.io._files import load_text, number_lines
 from cgroup.rigid import check_rigid
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from pathlib import Path
 
     from cgroup.types import FloatArray, IndexArray
-
-
-_NO_LIST = "not a list of poses; {1} lines each: `i j n`, then a {0}x{0} matrix"
 
 
 def read_log(path: Path) -> dict[tuple[int, int], FloatArray]:
@@ -24,29 +22,28 @@ def read_log(path: Path) -> dict[tuple[int, int], FloatArray]:
 
     It has five lines per pair: ``i j n``, and a 4x4 transform that maps cloud j into the frame of cloud i.
     """
-    poses = read_matrices(path, 4)
-    try:
-        return {pair: check_rigid(pose, f"pose {pair[0]} {pair[1]}") for pair, pose in poses.items()}
-    except InputError as error:
-        raise InputError(f"{path}: {_NO_LIST.format(4, 5)} ({error})") from error
+    return read_matrices(path, 4, check_rigid)
 
 
-def read_matrices(path: Path, size: int) -> dict[tuple[int, int], FloatArray]:
+def read_matrices(
+    path: Path, size: int, check: Callable[[FloatArray, str], FloatArray] = lambda matrix, _: matrix
+) -> dict[tuple[int, int], FloatArray]:
     """Read a list of square matrices, each behind a line ``i j n``, by (i, j)."""
     found: dict[tuple[int, int], FloatArray] = {}
+    lines = [line.split() for line in load_text(path).splitlines() if line.strip()]
     try:
-        lines = [line.split() for line in load_text(path).splitlines() if line.strip()]
         for start in range(0, len(lines), size + 1):
             first, second = (int(word) for word in lines[start][:2])
-            if (first, second) in found:
-                message = f"{path}: pair {first} {second} is there twice"
-                raise InputError(message)
             rows = [[float(word) for word in line] for line in lines[start + 1 : start + size + 1]]
-            found[first, second] = np.array(rows).reshape(size, size)
-    except InputError:
-        raise
+            matrix = np.array(rows).reshape(size, size)
+            found[first, second] = check(matrix, f"pose {first} {second}")
     except ValueError as error:
-        raise InputError(f"{path}: {_NO_LIST.format(size, size + 1)} ({error})") from error
+        form = f"{size + 1} lines each: `i j n`, then a {size}x{size} matrix"
+        message = f"{path}: not a list of poses; {form} ({error})"
+        raise InputError(message) from error
+    if len(found) * (size + 1) < len(lines):
+        message = f"{path}: lists a pair twice; give each pair once"
+        raise InputError(message)
     return found
 
 

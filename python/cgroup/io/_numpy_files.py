@@ -47,9 +47,9 @@ def load_npy(content: bytes) -> NDArray[Any]:
 
 
 def read_arrays(
-    path: Path, needed: Iterable[str] = (), optional: Iterable[str] = ()
+    path: Path, needed: Iterable[str] = (), optional: Iterable[str] = (), *, texts: bool = False
 ) -> dict[str, NDArray[Any]]:
-    """Read arrays of an NPZ file: those that are needed, and of the others those that are there."""
+    """Read arrays of an NPZ file, of numbers or also of texts: those needed, and others that are there."""
     needed = list(needed)
 
     def load(content: bytes) -> tuple[list[str], dict[str, NDArray[Any]]]:
@@ -58,7 +58,8 @@ def read_arrays(
             wanted = [name for name in [*needed, *optional] if name in entries]
             if not entries.keys() >= set(needed):
                 wanted = []
-            return sorted(entries), {name: _unpack(archive, name, entries[name]) for name in wanted}
+            kinds = _KINDS + "U" * texts
+            return sorted(entries), {name: _unpack(archive, name, entries[name], kinds) for name in wanted}
 
     found, arrays = parse_file(path, load)
     lacking = next((name for name in needed if name not in found), None)
@@ -87,15 +88,15 @@ def _listed(names: Iterable[str]) -> str:
     return ", ".join(sorted(names)) or "nothing"
 
 
-def _unpack(archive: zipfile.ZipFile, name: str, entry: zipfile.ZipInfo) -> NDArray[Any]:
+def _unpack(archive: zipfile.ZipFile, name: str, entry: zipfile.ZipInfo, kinds: str = _KINDS) -> NDArray[Any]:
     """Read one array."""
     remedy = "; write one that large without compression, by numpy.savez"
     check_growth(f"array {name!r}", entry.file_size, entry.compress_size, remedy)
     with archive.open(entry) as file:
-        return _read_array(file, entry.file_size)
+        return _read_array(file, entry.file_size, kinds)
 
 
-def _read_array(file: IO[bytes], size: int) -> NDArray[Any]:
+def _read_array(file: IO[bytes], size: int, kinds: str = _KINDS) -> NDArray[Any]:
     """Read an array from a file of so many bytes."""
     version = npy_format.read_magic(file)
     readers = {(1, 0): npy_format.read_array_header_1_0, (2, 0): npy_format.read_array_header_2_0}
@@ -103,7 +104,7 @@ def _read_array(file: IO[bytes], size: int) -> NDArray[Any]:
         message = f"an array in version {version} of its format; numbers are written in 1.0 or 2.0"
         raise InputError(message)
     shape, is_fortran, dtype = readers[version](file)
-    if dtype.kind not in _KINDS or dtype.names is not None:
+    if dtype.kind not in kinds or dtype.names is not None:
         message = f"an array of {dtype}; numbers belong there"
         raise InputError(message)
     needed, rest = math.prod(shape) * dtype.itemsize, size - file.tell()

@@ -101,7 +101,7 @@ def read_transforms(path: str | os.PathLike[str]) -> FloatArray:
     """
     path = as_path("path", path)
     reader = {".npy": load_npy, ".json": _load_json}.get(path.suffix.lower(), _load_text)
-    return _find_poses(str(path), parse_file(path, reader))
+    return find_poses(str(path), parse_file(path, reader))
 
 
 def _load_text(content: bytes) -> NDArray[Any]:
@@ -162,7 +162,7 @@ def write_transform(path: str | os.PathLike[str], transform: ArrayLike) -> None:
     write_array(path, matrix, number_lines(matrix))
 
 
-def _find_poses(name: str, numbers: NDArray[Any]) -> FloatArray:
+def find_poses(name: str, numbers: NDArray[Any]) -> FloatArray:
     """Return the poses (m,4,4) that numbers stand for, told by their shape; errors count poses from 1."""
     values = as_floats(name, numbers)
     table = values.reshape(1, -1) if values.ndim < 2 or values.shape[1:] == (1,) else values

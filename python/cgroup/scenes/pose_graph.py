@@ -15,7 +15,6 @@ from cgroup._checks.values import as_choice, as_flag, as_index, as_path, refusal
 from cgroup.errors import InputError
 from cgroup.io import write_file
 from cgroup.io._files import load_text, naming, written_path
-from cgroup.rigid import as_poses
 from cgroup.io._graphs import (
     GraphContent,
     format_g2o,
@@ -25,6 +24,7 @@ from cgroup.io._graphs import (
     singular,
     trust_steps,
 )
+from cgroup.rigid import as_poses
 
 if TYPE_CHECKING:
     import os

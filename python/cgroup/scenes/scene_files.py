@@ -9,8 +9,8 @@ import numpy as np
 
 from cgroup._checks.arrays import in_double
 from cgroup.io._files import number_lines
-from cgroup.registration import PreparedScan
 from cgroup.io._graphs import motion_lines
+from cgroup.registration import PreparedScan
 from cgroup.types import PointCloud, as_cloud
 
 if TYPE_CHECKING:

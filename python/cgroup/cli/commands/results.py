@@ -13,6 +13,7 @@ import typer
 from cgroup.cli import options
 from cgroup.cli.command import command, examples, make_app
 from cgroup.cli.commands.compare import print_comparison
+from cgroup.cli.commands.evaluate import print_evaluation
 from cgroup.cli.commands.group import print_group
 from cgroup.cli.commands.register import print_registration
 from cgroup.cli.saved_runs import folder_of_runs, load_run, names_of_runs, remove_runs
@@ -136,6 +137,10 @@ def _say_result(run: Document) -> str:
         return f"probability {found['probability']:.3f}, overlap {100 * found['fitness']:.0f} %"
     if run["command"] == "group":
         return f"{found['selected']} of {run['inputs'][0]['matches']} by {label_of(run['options']['method'])}"
+    if run["command"] == "evaluate":
+        shares = [(one["recalls"][found["main"]]["recall"], one["name"]) for one in found["methods"]]
+        share, name = max(shares)
+        return f"{found['protocol']}: {len(shares)} results, best recall {100 * share:.2f} % of {name}"
     best = max(found["methods"], key=lambda row: row["f_score"])
     registered = sum(row["registered"] for row in found["methods"])
     return f"{registered} of {len(found['methods'])} registered, best F {best['f_score']:.3f}"
@@ -160,6 +165,8 @@ def _print_run(document: Document, *, run: str, wide: bool) -> None:
             print_registration(document)
         elif document["command"] == "group":
             print_group(document)
+        elif document["command"] == "evaluate":
+            print_evaluation(document, wide=wide)
         else:
             print_comparison(document, wide=wide)
 
@@ -254,7 +261,8 @@ def _compare_runs(names: Sequence[str], documents: Sequence[Document]) -> Docume
     named = list(zip(names, documents, strict=True))
     if {*others} != {kind} or kind == "other":
         commands = ", ".join(f"{name} of {document['command']}" for name, document in named)
-        message = f"{commands}: give runs of the same command"
+        several = "; give results to cgroup evaluate together" if kind == "other" else ""
+        message = f"{commands}: give runs of the same command{several}"
         raise InputError(message)
     digests = [
         {one["role"]: one["sha256"] or one["file"] for one in document["inputs"]} for document in documents

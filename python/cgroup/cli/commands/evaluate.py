@@ -1,0 +1,257 @@
+"""``cgroup evaluate``: results of any tool, scored by the recalls that papers define."""
+
+from __future__ import annotations
+
+import itertools
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from cgroup.cli import options
+from cgroup.cli.command import command, make_app
+from cgroup.cli.options import option
+from cgroup.cli.show.json import Document
+from cgroup.cli.show.tables import UNKNOWN, Column, print_table
+from cgroup.cli.show.terminal import print_facts, print_line, print_prose, print_text
+from cgroup.errors import InputError
+from cgroup.evaluation.paired_tests import holm, mcnemar
+from cgroup.evaluation.recall_protocols import (
+    Recall,
+    RecallProtocol,
+    protocol_names,
+    read_protocol,
+    refuse_inverses,
+    score_poses,
+)
+from cgroup.evaluation.result_files import PairErrors, read_results, read_truth, show_pair
+from cgroup.types import BoolArray
+
+_OVERLAPS = (0.0, 0.1, 0.3, 0.5, 0.7, 1.0)
+"""Bounds of levels: 3DLoMatch has pairs of 0.1 to 0.3, 3DMatch those of more."""
+
+_FACTORS = tuple(k / 10 for k in range(1, 21))
+"""By which limits are multiplied for the curve."""
+
+_COUNTS = ("right", "wrong", "refused", "missing")
+_WORST = 10
+_LATEX = str.maketrans({"\\": r"\textbackslash{}", **{letter: f"\\{letter}" for letter in "&%$#_{}"}})
+
+app = make_app()
+
+
+def print_evaluation(
+    document: Document,
+    *,
+    latex: bool = False,
+    markdown: bool = False,
+    curve: bool = False,
+    wide: bool = False,
+) -> None:
+    """Print results by every recall of a protocol, from their document; or its table for a paper."""
+    done = document["results"]
+    recalls, methods = done["recalls"], done["methods"]
+    titles = [recall["name"] for recall in recalls]
+    errors = [
+        [_show(one["recalls"][done["main"]][key]) for key in ("rotation_deg", "translation")]
+        for one in methods
+    ]
+    if latex or markdown:
+        shares = [[_percent(each and each["recall"], 2) for each in one["recalls"]] for one in methods]
+        rows = [["result", *titles, "RRE", "RTE"]]
+        for one, share, error in zip(methods, shares, errors, strict=True):
+            rows.append([one["name"], *share, *error])
+        print_text(_as_latex(rows) if latex else _as_markdown(rows))
+        return
+
+    def show(columns: Sequence[str], rows: Sequence[Sequence[str]], texts: int = 1) -> None:
+        described = [Column(name, at < texts, max(0, at - texts)) for at, name in enumerate(columns)]
+        print_table(described, rows, wide=wide)
+        print_text("")
+
+    scenes = list(methods[0]["scenes"])
+    print_line(f"{done['protocol']}: {done['pairs']} pairs of {len(scenes)} scenes; recalls in %")
+    show(["result", *titles], [[one["name"], *map(_show_recall, one["recalls"])] for one in methods])
+    print_line(f"By {titles[done['main']]}:")
+    counts = [[one["name"], *(str(one[count]) for count in _COUNTS)] for one in methods]
+    rows = [count + error for count, error in zip(counts, errors, strict=True)]
+    show(["result", *_COUNTS, "RRE deg", "RTE"], rows)
+    levels = [f"{low:g} to {high:g}" for low, high in itertools.pairwise(_OVERLAPS)]
+    tables = [("scene", "scenes", scenes), ("overlap", "overlaps", levels)]
+    tables += [("limits x", "curve", [f"{factor:g}" for factor in _FACTORS])] if curve else []
+    for title, key, labels in tables:
+        shares = [list(one[key].values()) if key == "scenes" else one[key] for one in methods]
+        rows = [[label, *map(_percent, each)] for label, *each in zip(labels, *shares, strict=True)]
+        if any(share is not None for each in shares for share in each):
+            show([title, *(one["name"] for one in methods)], rows)
+    if done["tests"]:
+        tests = [
+            [f"{one:.2g}" if isinstance(one, float) else str(one) for one in test.values()]
+            for test in done["tests"]
+        ]
+        show(["one", "other", "only one", "only other", "p"], tests, 2)
+        print_prose("Pairs that only one registers; p of McNemar's exact test, adjusted by Holm.")
+    for recall in recalls:
+        print_prose(f"{recall['name']}: {recall['criterion']}", "  ")
+    print_facts(
+        *(("note", note) for note in done["notes"]), *(("left open", one) for one in done["left_open"])
+    )
+
+
+def _percent(share: float | None, digits: int = 1) -> str:
+    return UNKNOWN if share is None or np.isnan(share) else f"{100 * share:.{digits}f}"
+
+
+def _show(error: float | None) -> str:
+    return UNKNOWN if error is None or np.isnan(error) else f"{error:.4f}"
+
+
+def _show_recall(scored: Document | None) -> str:
+    if scored is None:
+        return UNKNOWN
+    return f"{_percent(scored['recall'], 2)} [{_percent(scored['low'])}, {_percent(scored['high'])}]"
+
+
+def _as_markdown(rows: list[list[str]]) -> str:
+    lines = [f"| {' | '.join(cell.replace('|', '/') for cell in row)} |" for row in rows]
+    return "\n".join([lines[0], f"| --- |{' ---: |' * (len(rows[0]) - 1)}", *lines[1:]])
+
+
+def _as_latex(rows: list[list[str]]) -> str:
+    head, *body = (" & ".join(cell.translate(_LATEX) for cell in row) + r" \\" for row in rows)
+    begin = rf"\begin{{tabular}}{{l{'r' * (len(rows[0]) - 1)}}}"
+    return "\n".join([begin, r"\toprule", head, r"\midrule", *body, r"\bottomrule", r"\end{tabular}"])
+
+
+@command(
+    app,
+    "evaluate",
+    "cgroup evaluate est_traj --protocol 3dmatch --truth benchmarks/3DMatch",
+    "cgroup evaluate ours.csv theirs.npz --protocol kitti --truth poses.csv",
+    "cgroup evaluate poses.tum --protocol own.toml --truth truth.tum --latex",
+    show=print_evaluation,
+    saves=True,
+)
+def evaluate_command(
+    results: list[Path] = options.argument(
+        "RESULT",
+        "Folders of est.log, CSV, NPZ, TUM, KITTI, g2o, JSON of register and merge, DGR's arrays.",
+    ),
+    *,
+    protocol: str = option(..., "NAME", f"{', '.join(protocol_names())}, or a .toml file.", "Truth"),
+    truth: Path | None = option(
+        None,
+        "PATH",
+        "True poses: folder of gt.log by scene, or what a result may be.",
+        "Truth",
+        "none",
+    ),
+    inverse: bool = options.flag("--inverse", "Poses map the target into the source's frame.", "Truth"),
+    curve: bool = options.flag("--curve", "Show the recall at 0.1 to 2 times the limits too."),  # noqa: ARG001
+    latex: bool = options.flag("--latex", "Print the table of recalls as LaTeX."),  # noqa: ARG001 - for `show`
+    markdown: bool = options.flag("--markdown", "Print the table of recalls as Markdown."),  # noqa: ARG001
+) -> Document:
+    """Score registration results of any tool by every recall that a protocol has.
+
+    Pairs are told by scene, target and source, in any order. A missing pair counts as not registered.
+    """
+    by, known = read_protocol(protocol), None if truth is None else read_truth(truth)
+    found: dict[str, PairErrors] = {}
+    for name, path in zip(_names_of(results), results, strict=True):
+        for one in read_results(path, known):
+            if isinstance(one, PairErrors):
+                found[one.name] = one
+            elif known is None:
+                message = f"--truth: is needed for the poses in {path}; give the true ones"
+                raise InputError(message)
+            else:
+                found[name] = score_poses(known, one, inverse=inverse)
+                if not inverse:
+                    refuse_inverses(known, one, found[name], _main_recall(by, found[name]))
+    return {
+        "inputs": [{"role": f"result {number}", "file": path} for number, path in enumerate(results, 1)],
+        "results": _evaluate(by, found),
+    }
+
+
+def _names_of(paths: Sequence[Path]) -> list[str]:
+    """Name results after their files, or by the whole path where two would be called the same."""
+    short = [path.parent.name if path.stem == "est" else path.stem for path in paths]
+    count = Counter(short)
+    return [name if name and count[name] == 1 else str(path) for name, path in zip(short, paths, strict=True)]
+
+
+def _main_recall(by: RecallProtocol, *found: PairErrors) -> Recall:
+    """Return the first recall that can be computed of all results."""
+    for recall in by.recalls:
+        if all(map(recall.is_known, found)):
+            return recall
+    message = f"{by.title}: no recall is known of all results; RMSE needs gt.info beside gt.log"
+    raise InputError(message)
+
+
+def _evaluate(by: RecallProtocol, found: dict[str, PairErrors]) -> Document:
+    main = _main_recall(by, *found.values())
+    pairs = {len(one.keys) for one in found.values()}
+    if len(pairs) > 1:
+        message = f"RESULT: of {' and '.join(map(str, sorted(pairs)))} pairs; give results of one benchmark"
+        raise InputError(message)
+    is_whole = by.pairs in (None, *pairs)
+    notes = [] if is_whole else [f"{by.title} has {by.pairs} pairs, the truth has {min(pairs)}"]
+    notes += [f"{name}: {note}" for name, one in found.items() for note in one.notes]
+    right = {name: main.registered(one)[main.counted(one)] for name, one in found.items()}
+    twos = [two for two in itertools.combinations(found, 2) if found[two[0]].keys == found[two[1]].keys]
+    p = holm([mcnemar(right[one], right[other]) for one, other in twos])
+    return {
+        "protocol": by.title,
+        "citation": by.citation,
+        "pairs": min(pairs),
+        "recalls": [{"name": one.name, "criterion": one.describe()} for one in by.recalls],
+        "main": by.recalls.index(main),
+        "methods": [_describe(name, one, by, main) for name, one in found.items()],
+        "tests": [
+            {
+                "one": one,
+                "other": other,
+                "only_one": int((right[one] & ~right[other]).sum()),
+                "only_other": int((right[other] & ~right[one]).sum()),
+                "p": each,
+            }
+            for (one, other), each in zip(twos, p, strict=True)
+        ],
+        "factors": _FACTORS,
+        "notes": notes,
+        "left_open": by.left_open,
+    }
+
+
+def _describe(name: str, found: PairErrors, by: RecallProtocol, main: Recall) -> Document:
+    """List what a document says of a result."""
+    counts, right = main.counted(found), main.registered(found)
+    scenes, levels = np.array([key[0] for key in found.keys]), np.digitize(found.overlap, _OVERLAPS[1:-1])
+    levels[np.isnan(found.overlap)] = -1
+    worst = np.argsort(np.where(counts & np.isfinite(found.rotation), -found.translation, 0), kind="stable")
+    return {
+        "name": name,
+        "right": int((counts & right).sum()),
+        "wrong": int((counts & ~right & ~found.refused & ~found.missing).sum()),
+        "refused": int((counts & found.refused).sum()),
+        "missing": int((counts & found.missing).sum()),
+        "recalls": [one.score(found) for one in by.recalls],
+        "scenes": {scene: _share(right[counts & (scenes == scene)]) for scene in np.unique(scenes).tolist()},
+        "overlaps": [_share(right[counts & (levels == level)]) for level in range(len(_OVERLAPS) - 1)],
+        "curve": [_share(main.registered(found, factor)[counts]) for factor in _FACTORS],
+        "worst": [
+            {
+                "pair": show_pair(found.keys[row]),
+                "rotation_deg": found.rotation[row],
+                "translation": found.translation[row],
+            }
+            for row in worst[:_WORST]
+        ],
+    }
+
+
+def _share(right: BoolArray) -> float | None:
+    return float(right.mean()) if len(right) else None

@@ -1,0 +1,207 @@
+"""Recalls as papers define them, and what results score by each.
+
+A protocol is a TOML file: ``evaluation/presets`` has those of the field, and anybody may write another.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from importlib import resources
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from cgroup._checks.values import as_choice, as_flag, as_length
+from cgroup.errors import InputError
+from cgroup.evaluation.recalls import redwood_errors, registration_recall
+from cgroup.evaluation.result_files import PairErrors, PairPoses, Truth, show_pair
+from cgroup.io._files import load_text
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib  # pyright: ignore[reportMissingImports] - on Python 3.10 only
+
+if TYPE_CHECKING:
+    from cgroup.types import BoolArray
+
+_RESAMPLES, _LEVEL = 10_000, 0.95
+_LIMITS = {"max_rmse": "RMSE", "max_rotation": "rotation in deg", "max_translation": "translation"}
+_ROUNDING = 1e-12  # of a limit times a factor
+_PRESETS = resources.files("cgroup.evaluation") / "presets"
+
+
+@dataclass(frozen=True)
+class Recall:
+    """When a pair counts as registered, which pairs count, and how they are averaged.
+
+    Limits are of the root of Redwood's error and of the translation in the data's unit, and of the rotation
+    in degrees; None where it doesn't matter. `first` tells whether the first pair of a scene counts. `errors`
+    is what is made of the errors of registered pairs, over all of them or by scene, as `average` says.
+    """
+
+    name: str
+    source: str = ""
+    max_rmse: float | None = None
+    max_rotation: float | None = None
+    max_translation: float | None = None
+    inclusive: bool = False
+    consecutive: bool = True
+    first: bool = True
+    average: Literal["pairs", "scenes"] = "pairs"
+    errors: Literal["mean", "median"] = "mean"
+
+    def __post_init__(self) -> None:
+        """Raise `InputError` for what is no definition."""
+        for name in ("inclusive", "consecutive", "first"):
+            as_flag(name, getattr(self, name))
+        as_choice("average", self.average, ("pairs", "scenes"))
+        as_choice("errors", self.errors, ("mean", "median"))
+        limits = [as_length(name, limit) for name in _LIMITS if (limit := getattr(self, name)) is not None]
+        if not limits:
+            raise InputError("recall", "no limit", f"give {', '.join(_LIMITS)}")
+
+    def describe(self) -> str:
+        """Say the definition in words."""
+        sign = "<=" if self.inclusive else "<"
+        limits = [f"{of} {sign} {getattr(self, key):g}" for key, of in _LIMITS.items() if getattr(self, key)]
+        pairs = "pairs" if self.consecutive else "pairs but those of i, i+1"
+        pairs += "" if self.first else " and the first of a scene"
+        return f"{', '.join(limits)}; all {pairs}; mean of {self.average} ({self.source})"
+
+    def counted(self, found: PairErrors) -> BoolArray:
+        """Tell which pairs count."""
+        counts = np.array([self.consecutive or source - target > 1 for _, target, source in found.keys])
+        if not self.first:
+            counts[np.unique([scene for scene, _, _ in found.keys], return_index=True)[1]] = False
+        return counts
+
+    def is_known(self, found: PairErrors) -> bool:
+        """Tell whether there is what it takes: Redwood's errors, and the numbers of clouds."""
+        has_numbers = (self.consecutive and self.first) or min(source for *_, source in found.keys) >= 0
+        return has_numbers and (self.max_rmse is None or not np.isnan(found.rmse).any())
+
+    def registered(self, found: PairErrors, factor: float = 1.0) -> BoolArray:
+        """Tell which pairs are within the limits, times a factor."""
+        within = np.isfinite(found.rotation)
+        for error, name in zip((found.rmse, found.rotation, found.translation), _LIMITS, strict=True):
+            if (limit := getattr(self, name)) is not None:
+                limit *= factor
+                within &= error <= limit * (1 + _ROUNDING) if self.inclusive else error < limit
+        return within
+
+    def score(self, found: PairErrors) -> dict[str, Any] | None:
+        """Score results: the recall and its interval, errors of registered pairs, counts; None if unknown."""
+        if not self.is_known(found):
+            return None
+        counts = self.counted(found)
+        right, scenes = self.registered(found) & counts, np.array([scene for scene, _, _ in found.keys])
+        by_scene, of = self.average == "scenes", np.median if self.errors == "median" else np.mean
+        groups = [right & (scenes == scene) for scene in np.unique(scenes[right])] if by_scene else [right]
+        errors = [
+            [of(values[rows]) for rows in groups if rows.any()]
+            for values in (found.rotation, found.translation)
+        ]
+        of_scenes = scenes[counts].tolist()
+        low, high = _interval(right[counts], of_scenes, by_scene=by_scene)
+        return {
+            "recall": registration_recall(
+                right[counts], scenes=scenes[counts].tolist() if by_scene else None
+            ),
+            "low": low,
+            "high": high,
+            "registered": int(right.sum()),
+            "pairs": int(counts.sum()),
+            "rotation_deg": float(np.mean(errors[0])) if errors[0] else np.nan,
+            "translation": float(np.mean(errors[1])) if errors[1] else np.nan,
+        }
+
+
+@dataclass(frozen=True)
+class RecallProtocol:
+    """Recalls of a benchmark, the one that papers call RR first, and what its papers leave open."""
+
+    title: str
+    recalls: tuple[Recall, ...]
+    citation: str = ""
+    pairs: int | None = None
+    left_open: tuple[str, ...] = ()
+
+
+def protocol_names() -> list[str]:
+    """List the protocols that come with the package."""
+    return sorted(entry.name.removesuffix(".toml") for entry in _PRESETS.iterdir())
+
+
+def read_protocol(name: str) -> RecallProtocol:
+    """Read a protocol by its name, or from a TOML file laid out like those in ``evaluation/presets``."""
+    if name not in protocol_names() and not name.endswith(".toml"):
+        raise InputError("protocol", name, f"give {', '.join(protocol_names())}, or a .toml file")
+    is_file = name.endswith(".toml")
+    text = load_text(name) if is_file else (_PRESETS / f"{name}.toml").read_text(encoding="utf-8")
+    try:
+        table = tomllib.loads(text)
+        recalls = tuple(Recall(**one) for one in table.pop("recall", ()))
+        protocol = RecallProtocol(**table, recalls=recalls)
+    except (tomllib.TOMLDecodeError, TypeError, InputError) as error:
+        message = f"{name}: not a protocol: {str(error).removeprefix('Recall.__init__() ')}"
+        raise InputError(message) from error
+    if not recalls:
+        message = f"{name}: has no [[recall]]"
+        raise InputError(message)
+    return protocol
+
+
+def score_poses(truth: Truth, found: PairPoses, *, inverse: bool = False) -> PairErrors:
+    """Compare poses with the true ones, pair by pair in the order of the truth."""
+    rows = {key: row for row, key in enumerate(truth.keys)}
+    poses, missing = np.full(truth.poses.shape, np.nan), np.ones(len(rows), dtype=bool)
+    unknown: list[str] = []
+    for key, pose in zip(found.keys, np.linalg.inv(found.poses) if inverse else found.poses, strict=True):
+        turned = (key[0], key[2], key[1])
+        if key in rows:
+            poses[rows[key]], missing[rows[key]] = pose, False
+        elif turned in rows:  # source and target are told the other way round
+            poses[rows[turned]], missing[rows[turned]] = np.linalg.inv(pose), False
+        else:
+            unknown.append(show_pair(key))
+    if missing.all():
+        known = show_pair(truth.keys[0])
+        message = f"{found.name}: none of its pairs, such as {unknown[0]}, is in the truth, as {known} is"
+        raise InputError(message)
+    answered = np.isfinite(poses).all(axis=(1, 2))
+    ours, theirs = poses[answered], truth.poses[answered]
+    rotation, translation, rmse = (np.full(len(rows), np.inf) for _ in range(3))
+    # As all scripts have it; rotations of 3DLoMatch are off by 5e-4, and their sines say 1 degree more.
+    cosine = (np.einsum("nij,nij->n", ours[:, :3, :3], theirs[:, :3, :3]) - 1) / 2
+    rotation[answered] = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
+    translation[answered] = np.linalg.norm(ours[:, :3, 3] - theirs[:, :3, 3], axis=1)
+    rmse[answered] = np.sqrt(np.maximum(redwood_errors(ours, theirs, truth.information[answered]), 0))
+    rmse[np.isnan(truth.information[:, 0, 0])] = np.nan
+    notes = [f"{len(unknown)} pairs aren't in the truth, such as {unknown[0]}: left out"] if unknown else []
+    refused, overlap = ~answered & ~missing, truth.overlap
+    return PairErrors(found.name, truth.keys, rotation, translation, rmse, refused, missing, overlap, notes)
+
+
+def refuse_inverses(truth: Truth, found: PairPoses, scored: PairErrors, recall: Recall) -> None:
+    """Raise `InputError` where the inverses of poses, which are scored, fit far better than the poses."""
+    turned = score_poses(truth, found, inverse=True)
+    fit, as_inverses = (int((recall.registered(one) & recall.counted(one)).sum()) for one in (scored, turned))
+    if as_inverses > 2 * fit + 2:
+        counts = f"{fit} of its poses fit, and {as_inverses} of their inverses"
+        message = f"{found.name}: {counts}: they map the target into the source's frame; give `inverse`"
+        raise InputError(message)
+
+
+def _interval(right: BoolArray, scenes: list[str], *, by_scene: bool) -> tuple[float, float]:
+    """Return the interval of the bootstrap by pairs: successes among the draws of a scene are binomial."""
+    if not len(right):
+        return np.nan, np.nan
+    scene = np.unique(scenes, return_inverse=True)[1]
+    sizes = np.bincount(scene)
+    shares = np.bincount(scene, weights=right) / sizes
+    draws = np.random.default_rng(0).binomial(sizes, shares, size=(_RESAMPLES, len(sizes)))
+    means = (draws / sizes).mean(axis=1) if by_scene else draws.sum(axis=1) / len(right)
+    low, high = np.quantile(means, [(1 - _LEVEL) / 2, (1 + _LEVEL) / 2])
+    return float(low), float(high)

@@ -1,0 +1,434 @@
+"""``cgroup evaluate``: recalls against scripts as papers have them, files there and back, and wrong input."""
+
+import itertools
+import json
+import time
+
+import numpy as np
+import pytest
+from command_lines import fail, succeed
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import stats
+from shared_data import data_folder
+
+from cgroup.datasets.generated.shapes import random_pose
+from cgroup.errors import InputError
+from cgroup.evaluation import within
+from cgroup.evaluation.paired_tests import mcnemar
+from cgroup.evaluation.recall_protocols import protocol_names, read_protocol, score_poses
+from cgroup.evaluation.result_files import (
+    PairErrors,
+    PairPoses,
+    Truth,
+    read_results,
+    read_truth,
+    write_results,
+)
+from cgroup.io import read_cloud, write_file
+from cgroup.io._graphs import motion_lines
+from cgroup.io._logs import format_log
+from cgroup.rigid import apply, invert, turn
+from cgroup.scenes import PoseGraph
+from reference.redwood import redwood_error
+
+BENCHMARKS = {"3DMatch": (1623, 1279), "3DLoMatch": (1781, 1726)}
+SCENES = ("hall", "kitchen", "7-scenes-redkitchen")
+
+
+def poses_of(rng, count):
+    return np.array([random_pose(rng) for _ in range(count)]).reshape(-1, 4, 4)
+
+
+def jolted(rng, poses, degrees, shift):
+    """Return poses with errors of so many degrees, exponentially distributed, and so much per axis."""
+    axes = rng.normal(size=(len(poses), 3))
+    halves = np.radians(rng.exponential(degrees, len(poses))) / 2
+    parts = np.sin(halves) * (axes / np.linalg.norm(axes, axis=1)[:, None]).T
+    errors = np.tile(np.eye(4), (len(poses), 1, 1))
+    errors[:, :3, :3] = turn(*parts, np.cos(halves))
+    errors[:, :3, 3] = shift * rng.normal(size=(len(poses), 3))
+    return poses @ errors
+
+
+def made_truth(rng, information=True):
+    """Three scenes of five clouds each, all pairs."""
+    keys, poses = [], []
+    for scene in SCENES:
+        clouds = poses_of(rng, 5)
+        for i, j in itertools.combinations(range(5), 2):
+            keys.append((scene, i, j))
+            poses.append(invert(clouds[i]) @ clouds[j])
+    matrices = np.tile(np.diag([5e3] * 3 + [2e4] * 3), (len(keys), 1, 1))
+    matrices = matrices if information else np.full_like(matrices, np.nan)
+    return Truth("truth", keys, np.array(poses), matrices, rng.uniform(0.1, 1, len(keys)))
+
+
+def benchmark(name):
+    return data_folder("published") / "published" / "benchmarks" / name
+
+
+def recalls_of_scripts(truth, poses):
+    """RMSE by scene and by pair, and 15 degrees and 0.3 m by pair, as loops over pairs."""
+    right, within_limits = {}, []
+    for (scene, i, j), true, pose, matrix in zip(
+        truth.keys, truth.poses, poses, truth.information, strict=True
+    ):
+        known = not np.isnan(pose).any()
+        if j - i > 1:
+            error = redwood_error(pose, true, matrix) if known else np.inf
+            right.setdefault(scene, []).append(error <= 0.2**2)
+        cosine = np.clip((np.trace(pose[:3, :3].T @ true[:3, :3]) - 1) / 2, -1, 1)
+        near = np.linalg.norm(pose[:3, 3] - true[:3, 3]) < 0.3
+        within_limits.append(known and np.degrees(np.arccos(cosine)) < 15 and near)
+    flat = [one for each in right.values() for one in each]
+    return np.mean([np.mean(each) for each in right.values()]), np.mean(flat), np.mean(within_limits)
+
+
+# --- benchmarks ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", BENCHMARKS)
+def test_recalls_of_made_up_results_are_those_of_the_scripts(name, tmp_path, capsys):
+    truth, rng = read_truth(benchmark(name)), np.random.default_rng(0)
+    count, apart = BENCHMARKS[name]
+    assert len(truth.keys) == count
+    noisy = jolted(rng, truth.poses, 8, 0.1)
+    noisy[rng.random(count) < 0.1] = np.nan
+    order = rng.permutation(count)
+    half = np.where((np.arange(count) % 2 == 0)[:, None, None], truth.poses, np.nan)
+    results = {
+        "perfect": (truth.keys, truth.poses, truth.poses),
+        "noisy": (truth.keys, noisy, noisy),
+        "shuffled": ([truth.keys[row] for row in order], noisy[order], noisy),
+        "turned": ([(s, j, i) for s, i, j in truth.keys], np.linalg.inv(noisy), noisy),
+        "half": (truth.keys[::2], truth.poses[::2], half),
+    }
+    for label, (keys, poses, _) in results.items():
+        write_results(tmp_path / f"{label}.csv", PairPoses(label, keys, poses))
+    write_results(tmp_path / "logs", PairPoses("logs", truth.keys, noisy))
+    files = [*(tmp_path / f"{label}.csv" for label in results), tmp_path / "logs"]
+    asked = ("--protocol", name.lower(), "--truth", benchmark(name), "--json")
+    start = time.perf_counter()
+    document = json.loads(succeed(capsys, "evaluate", *files, *asked))
+    assert time.perf_counter() - start < 2 * len(files)
+    found = {one["name"]: one for one in document["results"]["methods"]}
+    for label, (_, _, poses) in results.items():
+        expected = recalls_of_scripts(truth, poses)
+        assert [one["recall"] for one in found[label]["recalls"][:3]] == pytest.approx(expected, abs=1e-12)
+    assert found["logs"]["recalls"] == found["noisy"]["recalls"]
+    assert found["logs"]["missing"] == found["noisy"]["refused"] > 0
+    assert found["half"]["missing"] == sum(j - i > 1 for _, i, j in truth.keys[1::2])
+    assert found["perfect"]["right"] == apart
+    inverses = tmp_path / "inverses.npz"
+    write_results(inverses, PairPoses("", truth.keys, np.linalg.inv(noisy)))
+    message = fail(capsys, "evaluate", inverses, *asked[:-1])
+    assert "of their inverses: they map the target into the source's frame; give --inverse" in message
+    turned = json.loads(succeed(capsys, "evaluate", inverses, "--inverse", *asked))
+    recalls = [one["recall"] for one in turned["results"]["methods"][0]["recalls"][:3]]
+    assert recalls == pytest.approx(recalls_of_scripts(truth, noisy), abs=1e-12)
+
+
+def test_predators_script_loses_the_first_pairs_of_3dlomatch():
+    truth = read_truth(benchmark("3DLoMatch"))
+    (last,) = (one for one in read_protocol("3dlomatch").recalls if not one.first)
+    scored = last.score(score_poses(truth, truth))
+    assert scored is not None
+    assert scored["pairs"] == 1726 - 7
+
+
+def test_arrays_of_dgr_have_the_digits_of_its_own_script(capsys):
+    path = data_folder("published") / "published" / "dgr_3dmatch_per_pair_results.npz"
+    document = json.loads(succeed(capsys, "evaluate", path, "--protocol", "3dmatch", "--json"))
+    methods = {one["name"]: one["recalls"] for one in document["results"]["methods"]}
+    assert all(by[0] is None for by in methods.values())  # the numbers of the clouds are lost
+    with np.load(path) as arrays:
+        for name, rows in zip(arrays["names"], arrays["stats"], strict=True):
+            valid = (rows[:, 1] < 0.3) & (rows[:, 2] < 15)
+            by_pair = [valid.mean(), rows[valid, 1].mean(), rows[valid, 2].mean()]
+            found = methods[str(name)][2]
+            assert [found["recall"], found["translation"], found["rotation_deg"]] == pytest.approx(by_pair)
+            by_scene = np.mean([valid[rows[:, 4] == scene].mean() for scene in range(8)])
+            assert methods[str(name)][3]["recall"] == pytest.approx(by_scene)
+    shown = {name: [round(100 * by[at]["recall"], 1) for at in (2, 3)] for name, by in methods.items()}
+    assert shown["Ours"] == [91.3, 89.2]
+    assert shown["Ours w/o safeguard"] == [85.2, 82.9]
+    assert shown["FGR"] == [41.7, 42.7]
+    assert shown["RANSAC"] == [71.0, 70.7]
+
+
+def test_logs_map_cloud_j_into_i_and_information_is_of_points_in_i():
+    root = data_folder("threedmatch") / "threedmatch" / "7-scenes-redkitchen"
+    truth = read_truth(benchmark("3DMatch"))
+    rows = {key: row for row, key in enumerate(truth.keys)}
+    clouds = {number: read_cloud(root / f"cloud_bin_{number}.ply").points[::20] for number in (0, 1, 4, 5)}
+    for i, j in itertools.combinations(clouds, 2):
+        row = rows[SCENES[2], i, j]
+        pose, matrix = truth.poses[row], truth.information[row] / truth.information[row][0, 0]
+        moved = apply(pose, clouds[j])
+        there = within(moved, clouds[i], 0.05)
+        assert there.mean() > 2 * within(apply(invert(pose), clouds[j]), clouds[i], 0.05).mean()
+        middle = np.array([matrix[1, 5], matrix[2, 3], matrix[0, 4]])  # of [p]x
+        in_i, in_j = moved[there].mean(axis=0), clouds[j][there].mean(axis=0)
+        assert np.linalg.norm(middle - in_i) < 0.5 * np.linalg.norm(middle - in_j) or j - i == 1
+        squares = np.diag(matrix)[3:].sum() / 2  # |p|^2 on average, so that angles are whole ones
+        assert squares == pytest.approx((moved[there] ** 2).sum(axis=1).mean(), rel=0.25)
+
+
+# --- files --------------------------------------------------------------------------------------------------
+
+
+@settings(max_examples=20)
+@given(seed=st.integers(0, 2**32 - 1), refused=st.floats(0, 0.9))
+def test_results_come_back_bit_for_bit(tmp_path_factory, seed, refused):
+    rng = np.random.default_rng(seed)
+    truth = made_truth(rng)
+    poses = np.where((rng.random(len(truth.keys)) < refused)[:, None, None], np.nan, truth.poses)
+    results = PairPoses("made", truth.keys, poses)
+    folder = tmp_path_factory.mktemp("there")
+    for name in ("results.csv", "results.npz", "logs"):
+        write_results(folder / name, results)
+        if name == "logs" and np.isnan(poses).all():
+            continue
+        (back,) = read_results(folder / name, truth)
+        kept = dict(zip(back.keys, back.poses, strict=True))
+        for key, pose in zip(truth.keys, poses, strict=True):
+            assert (
+                np.array_equal(kept[key], pose)
+                if not np.isnan(pose).any()
+                else np.isnan(kept.get(key, pose)).all()
+            )
+
+
+def test_trajectories_and_graphs_give_the_pairs_of_the_truth(tmp_path):
+    rng = np.random.default_rng(0)
+    clouds = poses_of(rng, 5)
+    pairs = list(itertools.combinations(range(5), 2))
+    relative = np.array([invert(clouds[i]) @ clouds[j] for i, j in pairs])
+    truth = made_truth(rng)
+    truth = Truth(
+        "t", [("hall", i, j) for i, j in pairs], relative, truth.information[:10], truth.overlap[:10]
+    )
+    lines = motion_lines(clouds)
+    files = {
+        "poses.tum": "# times\n" + "".join(f"{row} {lines[row]}\n" for row in (3, 0, 1, 4, 2)),
+        "poses.kitti": "".join(" ".join(map(repr, pose[:3].ravel().tolist())) + "\n" for pose in clouds),
+        "poses.log": format_log(np.repeat(np.arange(5), 2).reshape(-1, 2), clouds),
+        "poses.csv": "target,source,tx,ty,tz,qx,qy,qz,qw\n"
+        + "".join(
+            f"{i},{j},{line.replace(' ', ',')}\n"
+            for (i, j), line in zip(pairs, motion_lines(relative), strict=True)
+        ),
+    }
+    for name, text in files.items():
+        write_file(tmp_path / name, text.encode())
+    edges, weights = np.array(pairs), np.tile(np.eye(6), (10, 1, 1))
+    PoseGraph(clouds, edges, relative, weights).write(tmp_path / "graph.g2o")
+    lonely = [line for line in (tmp_path / "graph.g2o").read_text().splitlines() if "VERTEX" not in line]
+    write_file(tmp_path / "edges.g2o", "\n".join(lonely).encode())
+    for number, (i, j) in enumerate(pairs):
+        (tmp_path / "each").mkdir(exist_ok=True)
+        np.savez(tmp_path / "each" / f"{i}_{j}.npz", estimated_transform=relative[number].astype(np.float32))
+    for name in (*files, "graph.g2o", "edges.g2o", "each"):
+        (found,) = read_results(tmp_path / name, truth)
+        scored = score_poses(truth, found)
+        assert not scored.missing.any(), name
+        assert scored.translation.max() < (1e-3 if name == "each" else 1e-8), name
+        assert scored.rotation.max() < (0.1 if name == "each" else 1e-5), name  # by the cosine
+    (alone,) = read_results(tmp_path / "poses.tum")
+    assert sorted(pair[1:] for pair in alone.keys) == pairs
+
+
+def test_documents_of_register_and_merge(tmp_path):
+    pose = random_pose(np.random.default_rng(1))
+    inputs = [{"file": "scans/cloud_bin_7.ply"}, {"file": "scans/cloud_bin_4.ply"}]
+    registered = {"command": "register", "inputs": inputs, "results": {"T_target_source": pose.tolist()}}
+    refused = {"command": "register", "error": {"kind": "NoConsensusError"}}
+    scans = [("scan4.ply", 0, np.eye(4).tolist()), ("scan7.ply", 0, pose.tolist()), ("scan9.ply", None, None)]
+    placed = [dict(zip(("name", "component", "T_component_scan"), scan, strict=True)) for scan in scans]
+    merged = {"command": "merge", "results": {"scans": placed}}
+    keys = [("", 4, 7), ("", 4, 9)]
+    nothing = np.full((2, 6, 6), np.nan)
+    truth = Truth("truth", keys, np.array([pose, pose]), nothing, nothing[:, 0, 0])
+    folder = tmp_path / "documents"
+    folder.mkdir()
+    (folder / "a.json").write_text(json.dumps(registered))
+    (folder / "cloud_bin_9_on_cloud_bin_4.json").write_text(json.dumps(refused))
+    (tmp_path / "merged.json").write_text(json.dumps(merged))
+    for name in ("documents", "merged.json"):
+        (found,) = read_results(tmp_path / name, truth)
+        scored = score_poses(truth, found)
+        assert scored.rotation == pytest.approx([0, np.inf], abs=1e-5)
+        assert scored.refused.tolist() == [False, True]
+        assert not scored.missing.any()
+    (tmp_path / "other.json").write_text('{"command": "group"}')
+    with pytest.raises(InputError, match="other.json: not a result of cgroup; give what register or merge"):
+        read_results(tmp_path / "other.json", truth)
+
+
+# --- the command --------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def folder(tmp_path):
+    rng = np.random.default_rng(0)
+    truth = made_truth(rng)
+    for (scene, *pair), pose, matrix, share in zip(
+        truth.keys, truth.poses, truth.information, truth.overlap, strict=True
+    ):
+        home = tmp_path / "truth" / scene
+        home.mkdir(parents=True, exist_ok=True)
+        name = f"{pair[0]} {pair[1]} 5\n"
+        for file, rows in (("gt.log", pose), ("gt.info", matrix)):
+            with (home / file).open("a") as stream:
+                stream.write(name + "".join(" ".join(map(repr, row)) + "\n" for row in rows.tolist()))
+        with (home / "gt_overlap.log").open("a") as stream:
+            stream.write(f"{pair[0]},{pair[1]},{share}\n")
+    noisy = jolted(rng, truth.poses, 10, 0.1)
+    noisy[3] = np.nan
+    write_results(tmp_path / "ours.csv", PairPoses("ours", truth.keys, noisy))
+    write_results(tmp_path / "theirs", PairPoses("theirs", truth.keys[:-4], truth.poses[:-4]))
+    return tmp_path
+
+
+def asked(folder, *results):
+    files = [folder / name for name in results or ("ours.csv", "theirs")]
+    return ["evaluate", *files, "--protocol", "3dmatch", "--truth", folder / "truth"]
+
+
+def test_the_text_has_every_table(folder, capsys):
+    text = succeed(capsys, *asked(folder), "--curve", "--wide")
+    assert "3DMatch: 30 pairs of 3 scenes; recalls in %" in text
+    for part in (
+        "RMSE, by pair",
+        "15deg 0.3m, by scene",
+        "refused",
+        "7-scenes-redkitchen",
+        "0.3 to 0.5",
+        "limits x",
+    ):
+        assert part in text
+    assert "note        3DMatch has 1623 pairs, the truth has 30" in text
+    assert "left open   Which recall" in text
+    (counts,) = [line.split() for line in text.splitlines() if line.startswith("theirs ") and "[" not in line]
+    assert counts[1:5] == ["16", "0", "0", "2"]
+
+
+def test_tables_for_papers(folder, capsys):
+    rows = succeed(capsys, *asked(folder), "--markdown").splitlines()
+    assert [len(row.split("|")) for row in rows] == [9] * 4
+    assert rows[3].startswith("| theirs |")
+    latex = succeed(capsys, *asked(folder), "--latex").splitlines()
+    assert latex[0] == r"\begin{tabular}{lrrrrrr}"
+    assert latex[2].startswith("result & RMSE & ")
+    assert latex[5].endswith(r" \\")
+
+
+def test_saved_results_are_listed_and_shown(folder, capsys, monkeypatch):
+    monkeypatch.setenv("CGROUP_RESULTS", str(folder / "saved"))
+    succeed(capsys, *asked(folder), "--save", "mine")
+    assert "3DMatch: 2 results, best recall" in succeed(capsys, "results", "list")
+    assert "By RMSE:" in succeed(capsys, "results", "show", "mine")
+    succeed(capsys, *asked(folder), "--save", "again")
+    assert "give results to cgroup evaluate together" in fail(capsys, "results", "compare", "mine", "again")
+
+
+def test_own_protocols(folder, capsys):
+    (folder / "own.toml").write_text(
+        'title = "Mine"\n[[recall]]\nname = "tight"\nmax_rotation = 5\nmax_translation = 0.2\n'
+    )
+    command = [*asked(folder)[:3], "--protocol", folder / "own.toml", "--truth", folder / "truth"]
+    assert "By tight:" in succeed(capsys, *command)
+    wrong = {
+        "title = ": "not TOML|not a protocol",
+        'title = "x"': r"has no \[\[recall\]\]",
+        'title = "x"\n[[recall]]\nname = "a"': "recall: got no limit; give max_rmse",
+        'title = "x"\n[[recall]]\nname = "a"\nmax_rmse = -1': "max_rmse: got -1",
+        'title = "x"\n[[recall]]\nname = "a"\nmax_rmse = 1\naverage = "all"': "average: got 'all'; choose one of",
+        'title = "x"\n[[recall]]\nname = "a"\nmax_rms = 1': "unexpected keyword argument 'max_rms'",
+        '[[recall]]\nname = "a"\nmax_rmse = 1': "title",
+    }
+    for text, message in wrong.items():
+        (folder / "own.toml").write_text(text)
+        with pytest.raises(InputError, match=message):
+            read_protocol(str(folder / "own.toml"))
+
+
+def test_protocols_of_the_package_are_whole():
+    assert protocol_names() == ["3dlomatch", "3dmatch", "eth", "kitti", "scannet"]
+    for name in protocol_names():
+        protocol = read_protocol(name)
+        assert protocol.citation
+        assert protocol.left_open
+        assert all(one.source for one in protocol.recalls)
+        assert all(one.describe() for one in protocol.recalls)
+
+
+HEAD = "scene,target,source,tx,ty,tz,qx,qy,qz,qw\n"
+WRONG_FILES = {
+    "empty.csv": ("", "the file is empty"),
+    "head.csv": (HEAD, "holds no poses of pairs"),
+    "other.csv": ("a,b\n1,2\n", "not a table of poses; its first line has to name scene, target, source"),
+    "words.csv": (HEAD + "hall,0,x,0,0,0,0,0,0,1\n", "line 2 isn't a pair and the numbers of its pose"),
+    "short.csv": (HEAD + "hall,0,1,0,0\n", "line 2 isn't a pair"),
+    "long.csv": (HEAD + "hall,0,1,0,0,0,0,0,0,2\n", "quaternion is of length 2"),
+    "twice.csv": (HEAD + "hall,0,1,0,0,0,0,0,0,1\n" * 2, "pair hall/0-1 is there twice"),
+    "unknown.csv": (
+        HEAD + "cellar,0,1,0,0,0,0,0,0,1\n",
+        "none of its pairs, such as cellar/0-1, is in the truth",
+    ),
+    "cut.log": ("0 1 5\n1 0 0 0\n", "not a list of poses; 5 lines each"),
+    "hall.log": ("0 1 5\n" + "2 0 0 0\n0 2 0 0\n0 0 2 0\n0 0 0 1\n", "scaled or sheared, not a rotation"),
+    "nowhere.log": ("0 1 5\n1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n", "tells none of the scenes"),
+    "cut.npz": ("PK", "not a readable NPZ file"),
+    "cut.json": ("{", "not a readable JSON file"),
+    "cut.g2o": ("EDGE_SE3:QUAT 0 1", "needs 30 finite numbers"),
+    "cut.tum": ("0 0 0\n", "a pose is 4 rows of 4 numbers"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG_FILES)
+def test_wrong_files_are_one_sentence(folder, capsys, name):
+    text, message = WRONG_FILES[name]
+    (folder / name).write_text(text)
+    said = fail(capsys, *asked(folder, name))
+    assert message in said
+    assert len(said.strip().splitlines()) == 1
+
+
+def test_wrong_folders_and_options_are_one_sentence(folder, capsys):
+    (folder / "bare").mkdir()
+    assert "bare: holds no results; their names end in .log" in fail(capsys, *asked(folder, "bare"))
+    assert "no such file" in fail(capsys, *asked(folder, "nowhere.csv"))
+    ours = folder / "ours.csv"
+    assert "give 3dlomatch, 3dmatch, eth" in fail(capsys, "evaluate", ours, "--protocol", "4dmatch")
+    assert "--truth: is needed" in fail(capsys, "evaluate", ours, "--protocol", "3dmatch")
+    assert "not a truth" in fail(capsys, "evaluate", ours, "--protocol", "3dmatch", "--truth", ours)
+    assert "twice" in fail(capsys, *asked(folder, "."))
+
+
+def test_without_information_the_first_recall_that_is_known_leads(folder, capsys):
+    for file in (folder / "truth").rglob("gt.info"):
+        file.unlink()
+    text = succeed(capsys, *asked(folder))
+    assert "By 15deg 0.3m:" in text
+    (folder / "own.toml").write_text('title = "x"\n[[recall]]\nname = "a"\nmax_rmse = 1')
+    command = [*asked(folder)[:3], "--protocol", folder / "own.toml", "--truth", folder / "truth"]
+    assert "no recall is known of all results; RMSE needs gt.info" in fail(capsys, *command)
+
+
+def test_pairs_that_the_truth_lacks_are_counted(folder, capsys):
+    (ours,) = read_results(folder / "ours.csv")
+    assert not isinstance(ours, PairErrors)
+    keys = [*ours.keys, ("hall", 7, 9)]
+    more = PairPoses("more", keys, np.concatenate([ours.poses, ours.poses[:1]]))
+    write_results(folder / "more.csv", more)
+    text = succeed(capsys, *asked(folder, "more.csv"), "--wide")
+    assert "more: 1 pairs aren't in the truth, such as hall/7-9: left out" in " ".join(text.split())
+
+
+@given(st.integers(0, 40), st.integers(0, 40))
+def test_mcnemar_is_the_binomial_test(one, other):
+    first, second = np.arange(one + other) < one, np.arange(one + other) >= one
+    expected = stats.binomtest(one, one + other).pvalue if one + other else 1.0
+    assert mcnemar(first, second) == pytest.approx(expected, rel=1e-9)
