@@ -1,5 +1,6 @@
 """``cgroup evaluate``: recalls against scripts as papers have them, files there and back, and wrong input."""
 
+import csv
 import itertools
 import json
 import time
@@ -20,10 +21,9 @@ from cgroup.evaluation.recall_protocols import protocol_names, read_protocol, sc
 from cgroup.evaluation.result_files import (
     PairErrors,
     PairPoses,
-    Truth,
     read_results,
     read_truth,
-    write_results,
+    write_logs,
 )
 from cgroup.io import read_cloud, write_file
 from cgroup.io._graphs import motion_lines
@@ -51,6 +51,21 @@ def jolted(rng, poses, degrees, shift):
     return poses @ errors
 
 
+def write_results(path, results):
+    """Write poses of pairs as users do: by a table, by `numpy.savez`, or as logs in a folder."""
+    scenes, *numbers = map(np.array, zip(*results.keys, strict=True))
+    if path.suffix == ".csv":
+        rows = [["scene", "target", "source", *(f"t{i}{j}" for i in range(3) for j in range(4))]]
+        for key, pose in zip(results.keys, results.poses[:, :3].reshape(-1, 12).tolist(), strict=True):
+            rows.append([*key, *([""] * 12 if np.isnan(pose).any() else map(repr, pose))])
+        with path.open("w", newline="") as file:
+            csv.writer(file).writerows(rows)
+    elif path.suffix == ".npz":
+        np.savez(path, scenes=scenes, pairs=np.column_stack(numbers), poses=results.poses)
+    else:
+        write_logs(path, results)
+
+
 def made_truth(rng, information=True):
     """Three scenes of five clouds each, all pairs."""
     keys, poses = [], []
@@ -61,7 +76,7 @@ def made_truth(rng, information=True):
             poses.append(invert(clouds[i]) @ clouds[j])
     matrices = np.tile(np.diag([5e3] * 3 + [2e4] * 3), (len(keys), 1, 1))
     matrices = matrices if information else np.full_like(matrices, np.nan)
-    return Truth("truth", keys, np.array(poses), matrices, rng.uniform(0.1, 1, len(keys)))
+    return PairPoses("truth", keys, np.array(poses), matrices, rng.uniform(0.1, 1, len(keys)))
 
 
 def benchmark(name):
@@ -206,7 +221,7 @@ def test_trajectories_and_graphs_give_the_pairs_of_the_truth(tmp_path):
     pairs = list(itertools.combinations(range(5), 2))
     relative = np.array([invert(clouds[i]) @ clouds[j] for i, j in pairs])
     truth = made_truth(rng)
-    truth = Truth(
+    truth = PairPoses(
         "t", [("hall", i, j) for i, j in pairs], relative, truth.information[:10], truth.overlap[:10]
     )
     lines = motion_lines(clouds)
@@ -249,7 +264,7 @@ def test_documents_of_register_and_merge(tmp_path):
     merged = {"command": "merge", "results": {"scans": placed}}
     keys = [("", 4, 7), ("", 4, 9)]
     nothing = np.full((2, 6, 6), np.nan)
-    truth = Truth("truth", keys, np.array([pose, pose]), nothing, nothing[:, 0, 0])
+    truth = PairPoses("truth", keys, np.array([pose, pose]), nothing, nothing[:, 0, 0])
     folder = tmp_path / "documents"
     folder.mkdir()
     (folder / "a.json").write_text(json.dumps(registered))

@@ -15,7 +15,7 @@ import numpy as np
 from cgroup._checks.values import as_choice, as_flag, as_length
 from cgroup.errors import InputError
 from cgroup.evaluation.recalls import redwood_errors, registration_recall
-from cgroup.evaluation.result_files import PairErrors, PairPoses, Truth, show_pair
+from cgroup.evaluation.result_files import PairErrors, PairPoses, show_pair
 from cgroup.io._files import load_text
 
 if sys.version_info >= (3, 11):
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
 _RESAMPLES, _LEVEL = 10_000, 0.95
 _LIMITS = {"max_rmse": "RMSE", "max_rotation": "rotation in deg", "max_translation": "translation"}
-_ROUNDING = 1e-12  # of a limit times a factor
 _PRESETS = resources.files("cgroup.evaluation") / "presets"
 
 
@@ -87,8 +86,7 @@ class Recall:
         within = np.isfinite(found.rotation)
         for error, name in zip((found.rmse, found.rotation, found.translation), _LIMITS, strict=True):
             if (limit := getattr(self, name)) is not None:
-                limit *= factor
-                within &= error <= limit * (1 + _ROUNDING) if self.inclusive else error < limit
+                within &= error <= factor * limit if self.inclusive else error < factor * limit
         return within
 
     def score(self, found: PairErrors) -> dict[str, Any] | None:
@@ -99,22 +97,20 @@ class Recall:
         right, scenes = self.registered(found) & counts, np.array([scene for scene, _, _ in found.keys])
         by_scene, of = self.average == "scenes", np.median if self.errors == "median" else np.mean
         groups = [right & (scenes == scene) for scene in np.unique(scenes[right])] if by_scene else [right]
-        errors = [
-            [of(values[rows]) for rows in groups if rows.any()]
+        rotation, translation = (
+            float(np.mean([of(values[rows]) for rows in groups])) if right.any() else np.nan
             for values in (found.rotation, found.translation)
-        ]
-        of_scenes = scenes[counts].tolist()
-        low, high = _interval(right[counts], of_scenes, by_scene=by_scene)
+        )
+        units = scenes[counts].tolist()
+        low, high = _interval(right[counts], units, by_scene=by_scene)
         return {
-            "recall": registration_recall(
-                right[counts], scenes=scenes[counts].tolist() if by_scene else None
-            ),
+            "recall": registration_recall(right[counts], scenes=units if by_scene else None),
             "low": low,
             "high": high,
             "registered": int(right.sum()),
-            "pairs": int(counts.sum()),
-            "rotation_deg": float(np.mean(errors[0])) if errors[0] else np.nan,
-            "translation": float(np.mean(errors[1])) if errors[1] else np.nan,
+            "pairs": len(units),
+            "rotation_deg": rotation,
+            "translation": translation,
         }
 
 
@@ -153,7 +149,7 @@ def read_protocol(name: str) -> RecallProtocol:
     return protocol
 
 
-def score_poses(truth: Truth, found: PairPoses, *, inverse: bool = False) -> PairErrors:
+def score_poses(truth: PairPoses, found: PairPoses, *, inverse: bool = False) -> PairErrors:
     """Compare poses with the true ones, pair by pair in the order of the truth."""
     rows = {key: row for row, key in enumerate(truth.keys)}
     poses, missing = np.full(truth.poses.shape, np.nan), np.ones(len(rows), dtype=bool)
@@ -184,7 +180,7 @@ def score_poses(truth: Truth, found: PairPoses, *, inverse: bool = False) -> Pai
     return PairErrors(found.name, truth.keys, rotation, translation, rmse, refused, missing, overlap, notes)
 
 
-def refuse_inverses(truth: Truth, found: PairPoses, scored: PairErrors, recall: Recall) -> None:
+def refuse_inverses(truth: PairPoses, found: PairPoses, scored: PairErrors, recall: Recall) -> None:
     """Raise `InputError` where the inverses of poses, which are scored, fit far better than the poses."""
     turned = score_poses(truth, found, inverse=True)
     fit, as_inverses = (int((recall.registered(one) & recall.counted(one)).sum()) for one in (scored, turned))

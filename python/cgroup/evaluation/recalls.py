@@ -1,4 +1,9 @@
-"""Measures of registration benchmarks, by their names in the literature."""
+"""Measures of registration benchmarks, by their names in the literature.
+
+Redwood's error: Choi, Zhou and Koltun: *Robust reconstruction of indoor scenes*, CVPR 2015, and Zeng et al.:
+*3DMatch*, CVPR 2017. Inlier ratio and feature-matching recall: Deng, Birdal and Ilic: *PPFNet*, CVPR 2018.
+Mean average accuracy: Jin et al.: *Image matching across wide baselines*, IJCV 2021.
+"""
 
 from __future__ import annotations
 
@@ -47,8 +52,7 @@ def redwood_error(estimated: ArrayLike, true: ArrayLike, information: ArrayLike)
 
     Notes
     -----
-    Choi, Zhou and Koltun: *Robust reconstruction of indoor scenes*, CVPR 2015; Zeng et al.: *3DMatch*,
-    CVPR 2017. It is an RMSE by name only. The matrices of the published ``gt.info`` are sums of G'G with
+    It is an RMSE by name only. The matrices of the published ``gt.info`` are sums of G'G with
     G = [I, -[p]x], of points p in the frame of i and for rotations in radians, while the error is taken in
     that of j and has half the sine of half the angle: 3DMatch's redkitchen shows it.
 
@@ -137,10 +141,6 @@ def feature_matching_recall(
     InputError
         If they aren't numbers, or not one scene per pair.
 
-    Notes
-    -----
-    Deng, Birdal and Ilic: *PPFNet*, CVPR 2018.
-
     Examples
     --------
     >>> from cgroup.evaluation import feature_matching_recall
@@ -206,10 +206,6 @@ def mean_average_accuracy(errors: ArrayLike, limits: ArrayLike) -> float:
     ------
     InputError
         If they aren't numbers.
-
-    Notes
-    -----
-    Jin et al.: *Image matching across wide baselines: from paper to practice*, IJCV 2021.
 
     Examples
     --------

@@ -7,29 +7,34 @@ frame, as ``i j`` of Redwood's logs does. Trajectories and graphs give the pairs
 from __future__ import annotations
 
 import csv
-import io
 import json
 import re
 from dataclasses import dataclass, field
+from itertools import combinations
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from cgroup._checks.quoting import escape
 from cgroup.errors import InputError
-from cgroup.io._files import load_numbers, load_text, naming, parse_file, write_file, written_path
+from cgroup.io._files import load_numbers, load_text, naming, parse_file, write_file
 from cgroup.io._graphs import parse_text
 from cgroup.io._logs import format_log, read_matrices
-from cgroup.io._numpy_files import npz_bytes, read_arrays
+from cgroup.io._numpy_files import read_arrays
 from cgroup.io._results import make_folder
 from cgroup.io.transforms import find_poses, read_transforms
 from cgroup.rigid import are_rigid, check_rigid
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator, Mapping
+    from collections.abc import Collection, Iterator
 
     from cgroup.types import BoolArray, FloatArray
+
+    _Pair = tuple[str | None, int, int, FloatArray | None]  # scene, if it is told; target, source; the pose
+    _Clouds = dict[
+        int, tuple[int | None, Any]
+    ]  # by number: the component, if there is one, and the pose in it
 
 _SUFFIXES = (".log", ".csv", ".npz", ".json", ".g2o", ".tum", ".kitti", ".txt", ".npy")
 _UNNAMED = {"est", "gt", "poses", "graph", "result", "results", "trajectory"}
@@ -43,19 +48,16 @@ Key = tuple[str, int, int]
 
 @dataclass(frozen=True, eq=False)
 class PairPoses:
-    """Poses of pairs (n,4,4) by scene, target and source; NaN where a pose was refused."""
+    """Poses of pairs (n,4,4) by scene, target and source; NaN where a pose was refused.
+
+    Of true ones also the information matrix (n,6,6) and the overlap (n,) of each pair, NaN if not known.
+    """
 
     name: str
     keys: list[Key]
     poses: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
-class Truth(PairPoses):
-    """True poses, with the information matrix (n,6,6) and the overlap (n,) of each pair, NaN if not known."""
-
-    information: FloatArray
-    overlap: FloatArray
+    information: FloatArray = field(default_factory=lambda: np.empty((0, 6, 6)))
+    overlap: FloatArray = field(default_factory=lambda: np.empty(0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,69 +78,51 @@ class PairErrors:
     notes: list[str] = field(default_factory=list)
 
 
-class _Part(NamedTuple):
-    """Poses of pairs; or of clouds of a scene, in frames of components. None where refused."""
-
-    pairs: Mapping[tuple[int, int], FloatArray | None]
-    clouds: Mapping[int, tuple[int | None, Any]] = {}
-    scene: str | None = None
-
-
-def read_results(path: Path, truth: Truth | None = None) -> list[PairPoses | PairErrors]:
+def read_results(path: Path, truth: PairPoses | None = None) -> list[PairPoses | PairErrors]:
     """Read what a file or a folder holds; several results where it has several methods."""
     if path.suffix.lower() == ".npz" and path.is_file() and read_arrays(path, optional=["stats"]):
         return _split_methods(path)
-    found: dict[Key, FloatArray] = {}
-    origin: dict[Key, Path] = {}
-    scenes = None if truth is None else {scene for scene, _, _ in truth.keys}
+    found: dict[Key, tuple[FloatArray, Path]] = {}
+    scenes = {scene for scene, _, _ in truth.keys} if truth else None
     for file in _files_of(path):
-        for part in _read_parts(file):
-            scene = _name_scene(part.scene, file, scenes)
-            for pair, pose in _pairs_of(part, scene, truth):
-                key = scene, *pair
-                if key in found:
-                    message = f"{file}: pair {show_pair(key)} is there twice, first in {origin[key]}"
-                    raise InputError(message)
-                found[key], origin[key] = np.full((4, 4), np.nan) if pose is None else pose, file
+        content = _READERS.get(file.suffix.lower(), _read_trajectory)(file)
+        if isinstance(content, dict):
+            content = _pairs_among(content, truth, _name_scene(None, file, scenes))
+        for told, target, source, pose in content:
+            key = _name_scene(told, file, scenes), target, source
+            if key in found:
+                message = f"{file}: pair {show_pair(key)} is there twice, first in {found[key][1]}"
+                raise InputError(message)
+            found[key] = np.full((4, 4), np.nan) if pose is None else pose, file
     if not found:
         message = f"{path}: holds no poses of pairs"
         raise InputError(message)
-    poses = np.array(list(found.values()))
+    poses = np.array([pose for pose, _ in found.values()])
     poses[~np.isfinite(poses).all(axis=(1, 2))] = np.nan
     for row in np.flatnonzero(~are_rigid(poses) & ~np.isnan(poses[:, 0, 0])):
         key = list(found)[row]
-        check_rigid(poses[row], f"{origin[key]}: pose of pair {show_pair(key)}")
+        check_rigid(poses[row], f"{found[key][1]}: pose of pair {show_pair(key)}")
     return [PairPoses(path.stem, list(found), poses)]
 
 
-def read_truth(path: Path) -> Truth:
+def read_truth(path: Path) -> PairPoses:
     """Read true poses, and what ``gt.info`` and ``gt_overlap.log`` beside a ``gt.log`` tell."""
-    (known,) = read_results(path)
+    known, *_ = read_results(path)
     if isinstance(known, PairErrors) or np.isnan(known.poses).any():
         message = f"{path}: not a truth; give the true pose of every pair"
         raise InputError(message)
     information: dict[Key, FloatArray] = {}
     overlap: dict[Key, float] = {}
     for file in _files_of(path):
-        scene, info, shares = (
-            _name_scene(None, file),
-            file.with_name("gt.info"),
-            file.with_name("gt_overlap.log"),
-        )
+        scene, info, shares = _name_scene(None, file), *map(file.with_name, ("gt.info", "gt_overlap.log"))
         if info.is_file():
             information |= {(scene, *pair): matrix for pair, matrix in read_matrices(info, 6).items()}
         if shares.is_file():
             rows = parse_file(shares, load_numbers).reshape(-1, 3).tolist()
             overlap |= {(scene, int(i), int(j)): share for i, j, share in rows}
-    unknown = np.full((6, 6), np.nan)
-    matrices = np.array([information.get(key, unknown) for key in known.keys])
-    return Truth(
-        known.name,
-        known.keys,
-        known.poses,
-        matrices,
-        np.array([overlap.get(key, np.nan) for key in known.keys]),
-    )
+    matrices = np.array([information.get(key, np.full((6, 6), np.nan)) for key in known.keys])
+    shares = np.array([overlap.get(key, np.nan) for key in known.keys])
+    return PairPoses(known.name, known.keys, known.poses, matrices, shares)
 
 
 def show_pair(key: Key) -> str:
@@ -146,32 +130,17 @@ def show_pair(key: Key) -> str:
     return escape(f"{key[0]}/{key[1]}-{key[2]}")
 
 
-def write_results(path: Path, results: PairPoses) -> list[Path]:
-    """Write poses of pairs, exact to the last bit: as CSV, as NPZ, or in a folder with an est.log per scene.
+def write_logs(folder: Path | str, results: PairPoses) -> None:
+    """Write an est.log per scene, exact to the last bit, as scripts of Predator and GeoTransformer read it.
 
-    Logs have nothing of refused pairs, and there is none of a scene without others.
+    Refused pairs are left out, and so are scenes without others.
     """
-    scenes, *numbers = zip(*results.keys, strict=True)
-    pairs = np.column_stack(numbers)
-    if path.suffix == "":
-        answered = np.isfinite(results.poses).all(axis=(1, 2))
-        answering = np.array(scenes)[answered].tolist()
-        files = {scene: path / scene / "est.log" for scene in dict.fromkeys(answering)}
-        for scene, file in files.items():
-            rows = answered & (np.array(scenes) == scene)
-            make_folder(file.parent)
-            write_file(file, format_log(pairs[rows], results.poses[rows]).encode())
-        return list(files.values())
-    if written_path(path, "results of pairs", ".csv", ".npz").suffix.lower() == ".npz":
-        write_file(path, npz_bytes(scenes=np.array(scenes), pairs=pairs, poses=results.poses))
-        return [path]
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(["scene", "target", "source", *(f"t{i}{j}" for i in range(3) for j in range(4))])
-    for key, pose in zip(results.keys, results.poses[:, :3].reshape(-1, 12).tolist(), strict=True):
-        table.writerow([*key, *([""] * 12 if np.isnan(pose).any() else map(repr, pose))])
-    write_file(path, text.getvalue().encode())
-    return [path]
+    scenes, *numbers = (np.array(each) for each in zip(*results.keys, strict=True))
+    answered = np.isfinite(results.poses).all(axis=(1, 2))
+    for scene in np.unique(scenes[answered]).tolist():
+        rows = answered & (scenes == scene)
+        file = make_folder(Path(folder) / scene) / "est.log"
+        write_file(file, format_log(np.column_stack(numbers)[rows], results.poses[rows]).encode())
 
 
 def _files_of(path: Path) -> list[Path]:
@@ -199,126 +168,101 @@ def _name_scene(told: str | None, file: Path, known: Collection[str] | None = No
     raise InputError(message)
 
 
-def _pairs_of(
-    part: _Part, scene: str, truth: Truth | None
-) -> Iterator[tuple[tuple[int, int], FloatArray | None]]:
-    """Yield poses of pairs; of clouds, of those pairs of theirs that the truth has."""
-    yield from part.pairs.items()
-    wanted = [(i, j) for i in part.clouds for j in part.clouds if i < j]
-    if truth is not None and part.clouds:
-        wanted = [(i, j) for name, i, j in truth.keys if name == scene]
-    for i, j in wanted:
-        if i in part.clouds and j in part.clouds:
-            (first, target), (second, source) = part.clouds[i], part.clouds[j]
+def _pairs_among(clouds: _Clouds, truth: PairPoses | None, scene: str) -> Iterator[_Pair]:
+    """Yield poses of pairs of clouds: of those that the truth has, or of all."""
+    every = ((scene, *pair) for pair in combinations(sorted(clouds), 2))
+    for name, i, j in truth.keys if truth else every:
+        if name == scene and i in clouds and j in clouds:
+            (first, target), (second, source) = clouds[i], clouds[j]
             is_joined = first is not None and first == second
-            yield (i, j), np.linalg.solve(target, source) if is_joined else None
+            yield None, i, j, np.linalg.solve(target, source) if is_joined else None
 
 
-def _read_parts(file: Path) -> list[_Part]:
-    readers = {
-        ".log": _read_log,
-        ".csv": _read_csv,
-        ".npz": _read_npz,
-        ".json": _read_json,
-        ".g2o": _read_graph,
-    }
-    return readers.get(file.suffix.lower(), _read_trajectory)(file)
-
-
-def _read_log(file: Path) -> list[_Part]:
+def _read_log(file: Path) -> list[_Pair] | _Clouds:
     poses = read_matrices(file, 4)
     if all(i == j for i, j in poses):  # a trajectory
-        return [_of_clouds((i for i, _ in poses), poses.values())]
-    return [_Part(poses)]
+        return {i: (0, pose) for (i, _), pose in poses.items()}
+    return [(None, i, j, pose) for (i, j), pose in poses.items()]
 
 
-def _of_clouds(ids: Iterable[int], poses: Iterable[FloatArray]) -> _Part:
-    return _Part({}, {number: (0, pose) for number, pose in zip(ids, poses, strict=True)})
-
-
-def _read_graph(file: Path) -> list[_Part]:
+def _read_graph(file: Path) -> list[_Pair] | _Clouds:
     """Read the nodes of a g2o file, or its edges where it has no nodes."""
     text = load_text(file)
     with naming(file):
         graph = parse_text(text)
     if "VERTEX" in text:
-        return [_of_clouds(graph.ids.tolist(), graph.poses)]
-    pairs = [(int(i), int(j)) for i, j in graph.ids[graph.edges]]
-    return [_Part(dict(zip(pairs, graph.measurements, strict=True)))]
+        return {int(number): (0, pose) for number, pose in zip(graph.ids, graph.poses, strict=True)}
+    edges = zip(graph.ids[graph.edges], graph.measurements, strict=True)
+    return [(None, int(i), int(j), pose) for (i, j), pose in edges]
 
 
-def _read_trajectory(file: Path) -> list[_Part]:
+def _read_trajectory(file: Path) -> list[_Pair] | _Clouds:
     """Read a pose per line: of TUM, whose times number the clouds if they are whole, or of KITTI."""
     poses, pair = read_transforms(file), _numbers_in(file)
     if len(poses) == 1 and pair:
-        return [_Part({pair: poses[0]})]
+        return [(None, *pair, poses[0])]
     table = np.empty((0, 0)) if file.suffix.lower() == ".npy" else parse_file(file, load_numbers)
     has_numbers = table.shape == (len(poses), 8) and (table[:, 0] == np.floor(table[:, 0])).all()
-    return [_of_clouds(table[:, 0].astype(int).tolist() if has_numbers else range(len(poses)), poses)]
+    numbers = table[:, 0] if has_numbers else np.arange(len(poses))
+    return {int(number): (0, pose) for number, pose in zip(numbers, poses, strict=True)}
 
 
-def _read_npz(file: Path) -> list[_Part]:
+def _read_npz(file: Path) -> list[_Pair]:
     """Read ``pairs``, ``poses`` and maybe ``scenes``, or the pose of one pair as GeoTransformer keeps it."""
     pair, single = _numbers_in(file), read_arrays(file, optional=["estimated_transform"])
     if pair and single:
-        return [_Part({pair: single["estimated_transform"].astype(float)})]
+        return [(None, *pair, single["estimated_transform"].astype(float))]
     arrays = read_arrays(file, ["pairs", "poses"], ["scenes"], texts=True)
     pairs, poses = arrays["pairs"], arrays["poses"].astype(float)
     scenes = arrays["scenes"].tolist() if "scenes" in arrays else [None] * len(pairs)
     if pairs.shape != (len(poses), 2) or poses.shape[1:] != (4, 4) or len(scenes) != len(poses):
         message = f"{file}: pairs {pairs.shape}, poses {poses.shape}; give (n,2) and (n,4,4)"
         raise InputError(message)
-    return [
-        _Part({(int(i), int(j)): pose}, scene=scene)
-        for scene, (i, j), pose in zip(scenes, pairs, poses, strict=True)
-    ]
+    return [(scene, int(i), int(j), pose) for scene, (i, j), pose in zip(scenes, pairs, poses, strict=True)]
 
 
-def _read_csv(file: Path) -> list[_Part]:
-    rows = list(csv.reader(load_text(file).splitlines()))
-    names = [name.strip() for name in rows[0]] if rows else []
+def _read_csv(file: Path) -> Iterator[_Pair]:
+    table = csv.DictReader(load_text(file).splitlines(), restval="")
+    names = [*(table.fieldnames or [])]
     columns = [name for name in names if re.fullmatch(r"\D*\d\d", name)]
-    if set(_QUATERNION) <= set(names):
-        columns = [*_QUATERNION]
-    if not {"target", "source"} <= set(names) or len(columns) not in (7, 12, 16):
+    columns = [*_QUATERNION] if {*_QUATERNION} <= {*names} else columns
+    if not {"target", "source"} <= {*names} or len(columns) not in (7, 12, 16):
         wanted = "scene, target, source, and 12 columns t00 to t23, or tx ty tz qx qy qz qw"
         message = f"{file}: not a table of poses; its first line has to name {wanted}"
         raise InputError(message)
-    parts: list[_Part] = []
-    for number, row in enumerate(rows[1:], 2):
-        cells = dict(zip(names, row, strict=False))
+    for number, row in enumerate(table, 2):
         try:
-            pair = int(cells["target"]), int(cells["source"])
-            words = [cells[name] for name in columns]
+            words = [row[name] for name in columns]
             numbers = np.array([words if any(words) else [np.nan]], dtype=float)
             pose = find_poses("its pose", numbers)[0] if np.isfinite(numbers).all() else None
-        except (KeyError, ValueError) as error:
+            pair = int(row["target"]), int(row["source"])
+        except ValueError as error:
             message = f"{file}: line {number} isn't a pair and the numbers of its pose ({error})"
             raise InputError(message) from error
-        parts.append(_Part({pair: pose}, scene=cells.get("scene") or None))
-    return parts
+        yield row.get("scene") or None, *pair, pose
 
 
-def _read_json(file: Path) -> list[_Part]:
+def _read_json(file: Path) -> list[_Pair] | _Clouds:
     """Read a document of ``cgroup register`` or ``cgroup merge``."""
     document: Any = parse_file(file, json.loads)
     try:
         if "error" in document:  # a refusal doesn't tell its pair
             source, _, target = file.stem.partition("_on_")
-            return [_Part({(_last_number(target), _last_number(source)): None})]
+            return [(None, _last_number(target), _last_number(source), None)]
         done = document["results"]
         if document["command"] == "merge":
-            placed = {
-                _last_number(one["name"]): (one["component"], one["T_component_scan"])
-                for one in done["scans"]
-            }
-            return [_Part({}, placed)]
+            placed = [(one["name"], one["component"], one["T_component_scan"]) for one in done["scans"]]
+            return {_last_number(name): (component, pose) for name, component, pose in placed}
         source, target = (_last_number(one["file"]) for one in document["inputs"])
-        return [_Part({(target, source): np.array(done["T_target_source"], dtype=float)})]
+        return [(None, target, source, np.array(done["T_target_source"], dtype=float))]
     except (KeyError, TypeError, ValueError) as error:
         hint = error if isinstance(error, InputError) else "give what register or merge print by --json"
         message = f"{file}: not a result of cgroup; {hint}"
         raise InputError(message) from error
+
+
+_READERS = {".log": _read_log, ".csv": _read_csv, ".npz": _read_npz, ".json": _read_json, ".g2o": _read_graph}
+"""Files of other suffixes have a pose per line."""
 
 
 def _last_number(name: str) -> int:

@@ -13,7 +13,7 @@ from cgroup.cli import options
 from cgroup.cli.command import command, make_app
 from cgroup.cli.options import option
 from cgroup.cli.show.json import Document
-from cgroup.cli.show.tables import UNKNOWN, Column, print_table
+from cgroup.cli.show.tables import UNKNOWN, Column, print_table, show_value
 from cgroup.cli.show.terminal import print_facts, print_line, print_prose, print_text
 from cgroup.errors import InputError
 from cgroup.evaluation.paired_tests import holm, mcnemar
@@ -25,7 +25,7 @@ from cgroup.evaluation.recall_protocols import (
     refuse_inverses,
     score_poses,
 )
-from cgroup.evaluation.result_files import PairErrors, read_results, read_truth, show_pair
+from cgroup.evaluation.result_files import PairErrors, read_results, read_truth
 from cgroup.types import BoolArray
 
 _OVERLAPS = (0.0, 0.1, 0.3, 0.5, 0.7, 1.0)
@@ -35,76 +35,61 @@ _FACTORS = tuple(k / 10 for k in range(1, 21))
 """By which limits are multiplied for the curve."""
 
 _COUNTS = ("right", "wrong", "refused", "missing")
-_WORST = 10
 _LATEX = str.maketrans({"\\": r"\textbackslash{}", **{letter: f"\\{letter}" for letter in "&%$#_{}"}})
 
 app = make_app()
 
 
 def print_evaluation(
-    document: Document,
-    *,
-    latex: bool = False,
-    markdown: bool = False,
-    curve: bool = False,
-    wide: bool = False,
+    document: Document, *, wide: bool, curve: bool = False, latex: bool = False, markdown: bool = False
 ) -> None:
     """Print results by every recall of a protocol, from their document; or its table for a paper."""
-    done = document["results"]
-    recalls, methods = done["recalls"], done["methods"]
-    titles = [recall["name"] for recall in recalls]
-    errors = [
-        [_show(one["recalls"][done["main"]][key]) for key in ("rotation_deg", "translation")]
-        for one in methods
-    ]
-    if latex or markdown:
-        shares = [[_percent(each and each["recall"], 2) for each in one["recalls"]] for one in methods]
-        rows = [["result", *titles, "RRE", "RTE"]]
-        for one, share, error in zip(methods, shares, errors, strict=True):
-            rows.append([one["name"], *share, *error])
-        print_text(_as_latex(rows) if latex else _as_markdown(rows))
-        return
 
     def show(columns: Sequence[str], rows: Sequence[Sequence[str]], texts: int = 1) -> None:
         described = [Column(name, at < texts, max(0, at - texts)) for at, name in enumerate(columns)]
         print_table(described, rows, wide=wide)
         print_text("")
 
-    scenes = list(methods[0]["scenes"])
+    done = document["results"]
+    names, titles = ([one["name"] for one in done[key]] for key in ("methods", "recalls"))
+    methods: dict[str, Document] = dict(zip(names, done["methods"], strict=True))
+    errors: dict[str, list[str]] = {}
+    for name, one in methods.items():
+        main = one["recalls"][done["main"]]
+        errors[name] = [show_value(main[key], ".4f") for key in ("rotation_deg", "translation")]
+    if latex or markdown:
+        rows = [["result", *titles, "RRE", "RTE"]]
+        for name, one in methods.items():
+            shares = [_percent(each and each["recall"], 2) for each in one["recalls"]]
+            rows.append([name, *shares, *errors[name]])
+        print_text(_as_latex(rows) if latex else _as_markdown(rows))
+        return
+    scenes = list(done["methods"][0]["scenes"])
     print_line(f"{done['protocol']}: {done['pairs']} pairs of {len(scenes)} scenes; recalls in %")
-    show(["result", *titles], [[one["name"], *map(_show_recall, one["recalls"])] for one in methods])
+    show(["result", *titles], [[name, *map(_show_recall, one["recalls"])] for name, one in methods.items()])
     print_line(f"By {titles[done['main']]}:")
-    counts = [[one["name"], *(str(one[count]) for count in _COUNTS)] for one in methods]
-    rows = [count + error for count, error in zip(counts, errors, strict=True)]
+    rows = [[name, *(str(one[count]) for count in _COUNTS), *errors[name]] for name, one in methods.items()]
     show(["result", *_COUNTS, "RRE deg", "RTE"], rows)
     levels = [f"{low:g} to {high:g}" for low, high in itertools.pairwise(_OVERLAPS)]
-    tables = [("scene", "scenes", scenes), ("overlap", "overlaps", levels)]
-    tables += [("limits x", "curve", [f"{factor:g}" for factor in _FACTORS])] if curve else []
-    for title, key, labels in tables:
-        shares = [list(one[key].values()) if key == "scenes" else one[key] for one in methods]
+    tables = {"scenes": ("scene", scenes), "overlaps": ("overlap", levels)}
+    tables |= {"curve": ("limits x", [f"{factor:g}" for factor in _FACTORS])} if curve else {}
+    for key, (title, labels) in tables.items():
+        shares = [list(one[key].values()) if key == "scenes" else one[key] for one in done["methods"]]
         rows = [[label, *map(_percent, each)] for label, *each in zip(labels, *shares, strict=True)]
         if any(share is not None for each in shares for share in each):
-            show([title, *(one["name"] for one in methods)], rows)
+            show([title, *names], rows)
     if done["tests"]:
-        tests = [
-            [f"{one:.2g}" if isinstance(one, float) else str(one) for one in test.values()]
-            for test in done["tests"]
-        ]
+        tests = [[show_value(cell, ".2g") for cell in test.values()] for test in done["tests"]]
         show(["one", "other", "only one", "only other", "p"], tests, 2)
         print_prose("Pairs that only one registers; p of McNemar's exact test, adjusted by Holm.")
-    for recall in recalls:
+    for recall in done["recalls"]:
         print_prose(f"{recall['name']}: {recall['criterion']}", "  ")
-    print_facts(
-        *(("note", note) for note in done["notes"]), *(("left open", one) for one in done["left_open"])
-    )
+    told = (("note", done["notes"]), ("left open", done["left_open"]))
+    print_facts(*((word, sentence) for word, sentences in told for sentence in sentences))
 
 
 def _percent(share: float | None, digits: int = 1) -> str:
-    return UNKNOWN if share is None or np.isnan(share) else f"{100 * share:.{digits}f}"
-
-
-def _show(error: float | None) -> str:
-    return UNKNOWN if error is None or np.isnan(error) else f"{error:.4f}"
+    return UNKNOWN if share is None else f"{100 * share:.{digits}f}"
 
 
 def _show_recall(scored: Document | None) -> str:
@@ -135,17 +120,12 @@ def _as_latex(rows: list[list[str]]) -> str:
 )
 def evaluate_command(
     results: list[Path] = options.argument(
-        "RESULT",
-        "Folders of est.log, CSV, NPZ, TUM, KITTI, g2o, JSON of register and merge, DGR's arrays.",
+        "RESULT", "Folders of est.log, CSV, NPZ, TUM, KITTI, g2o, JSON of register and merge, DGR's arrays."
     ),
     *,
     protocol: str = option(..., "NAME", f"{', '.join(protocol_names())}, or a .toml file.", "Truth"),
     truth: Path | None = option(
-        None,
-        "PATH",
-        "True poses: folder of gt.log by scene, or what a result may be.",
-        "Truth",
-        "none",
+        None, "PATH", "True poses: a folder of gt.log by scene, or as results.", "Truth", "none"
     ),
     inverse: bool = options.flag("--inverse", "Poses map the target into the source's frame.", "Truth"),
     curve: bool = options.flag("--curve", "Show the recall at 0.1 to 2 times the limits too."),  # noqa: ARG001
@@ -161,7 +141,7 @@ def evaluate_command(
     for name, path in zip(_names_of(results), results, strict=True):
         for one in read_results(path, known):
             if isinstance(one, PairErrors):
-                found[one.name] = one
+                found[f"{name}: {one.name}" if one.name in found else one.name] = one
             elif known is None:
                 message = f"--truth: is needed for the poses in {path}; give the true ones"
                 raise InputError(message)
@@ -203,6 +183,10 @@ def _evaluate(by: RecallProtocol, found: dict[str, PairErrors]) -> Document:
     right = {name: main.registered(one)[main.counted(one)] for name, one in found.items()}
     twos = [two for two in itertools.combinations(found, 2) if found[two[0]].keys == found[two[1]].keys]
     p = holm([mcnemar(right[one], right[other]) for one, other in twos])
+    tests: list[Document] = []
+    for (one, other), each in zip(twos, p, strict=True):
+        only = int((right[one] & ~right[other]).sum()), int((right[other] & ~right[one]).sum())
+        tests.append({"one": one, "other": other, "only_one": only[0], "only_other": only[1], "p": each})
     return {
         "protocol": by.title,
         "citation": by.citation,
@@ -210,16 +194,7 @@ def _evaluate(by: RecallProtocol, found: dict[str, PairErrors]) -> Document:
         "recalls": [{"name": one.name, "criterion": one.describe()} for one in by.recalls],
         "main": by.recalls.index(main),
         "methods": [_describe(name, one, by, main) for name, one in found.items()],
-        "tests": [
-            {
-                "one": one,
-                "other": other,
-                "only_one": int((right[one] & ~right[other]).sum()),
-                "only_other": int((right[other] & ~right[one]).sum()),
-                "p": each,
-            }
-            for (one, other), each in zip(twos, p, strict=True)
-        ],
+        "tests": tests,
         "factors": _FACTORS,
         "notes": notes,
         "left_open": by.left_open,
@@ -231,7 +206,6 @@ def _describe(name: str, found: PairErrors, by: RecallProtocol, main: Recall) ->
     counts, right = main.counted(found), main.registered(found)
     scenes, levels = np.array([key[0] for key in found.keys]), np.digitize(found.overlap, _OVERLAPS[1:-1])
     levels[np.isnan(found.overlap)] = -1
-    worst = np.argsort(np.where(counts & np.isfinite(found.rotation), -found.translation, 0), kind="stable")
     return {
         "name": name,
         "right": int((counts & right).sum()),
@@ -242,14 +216,6 @@ def _describe(name: str, found: PairErrors, by: RecallProtocol, main: Recall) ->
         "scenes": {scene: _share(right[counts & (scenes == scene)]) for scene in np.unique(scenes).tolist()},
         "overlaps": [_share(right[counts & (levels == level)]) for level in range(len(_OVERLAPS) - 1)],
         "curve": [_share(main.registered(found, factor)[counts]) for factor in _FACTORS],
-        "worst": [
-            {
-                "pair": show_pair(found.keys[row]),
-                "rotation_deg": found.rotation[row],
-                "translation": found.translation[row],
-            }
-            for row in worst[:_WORST]
-        ],
     }
 
 
