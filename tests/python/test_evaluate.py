@@ -135,6 +135,8 @@ def test_recalls_of_made_up_results_are_those_of_the_scripts(name, tmp_path, cap
     assert found["logs"]["missing"] == found["noisy"]["refused"] > 0
     assert found["half"]["missing"] == sum(j - i > 1 for _, i, j in truth.keys[1::2])
     assert found["perfect"]["right"] == apart
+    floor = {"3DMatch": 0.18, "3DLoMatch": 0.14}[name]  # of angles by the trace, as `left_open` tells
+    assert found["perfect"]["recalls"][0]["rotation_deg"] == pytest.approx(floor, abs=0.005)
     inverses = tmp_path / "inverses.npz"
     write_results(inverses, PairPoses("", truth.keys, np.linalg.inv(noisy)))
     message = fail(capsys, "evaluate", inverses, *asked[:-1])
@@ -355,8 +357,8 @@ def test_own_protocols(folder, capsys):
     command = [*asked(folder)[:3], "--protocol", folder / "own.toml", "--truth", folder / "truth"]
     assert "By tight:" in succeed(capsys, *command)
     wrong = {
-        "title = ": "not TOML|not a protocol",
-        'title = "x"': r"has no \[\[recall\]\]",
+        "title = ": "not a protocol",
+        'title = "x"': r"\[\[recall\]\]: got none; give one or more",
         'title = "x"\n[[recall]]\nname = "a"': "recall: got no limit; give max_rmse",
         'title = "x"\n[[recall]]\nname = "a"\nmax_rmse = -1': "max_rmse: got -1",
         'title = "x"\n[[recall]]\nname = "a"\nmax_rmse = 1\naverage = "all"': "average: got 'all'; choose one of",
@@ -413,13 +415,29 @@ def test_wrong_files_are_one_sentence(folder, capsys, name):
 
 def test_wrong_folders_and_options_are_one_sentence(folder, capsys):
     (folder / "bare").mkdir()
-    assert "bare: holds no results; their names end in .log" in fail(capsys, *asked(folder, "bare"))
+    assert "bare: holds no poses of pairs; names of files" in fail(capsys, *asked(folder, "bare"))
     assert "no such file" in fail(capsys, *asked(folder, "nowhere.csv"))
     ours = folder / "ours.csv"
     assert "give 3dlomatch, 3dmatch, eth" in fail(capsys, "evaluate", ours, "--protocol", "4dmatch")
     assert "--truth: is needed" in fail(capsys, "evaluate", ours, "--protocol", "3dmatch")
     assert "not a truth" in fail(capsys, "evaluate", ours, "--protocol", "3dmatch", "--truth", ours)
     assert "twice" in fail(capsys, *asked(folder, "."))
+
+
+def test_results_of_other_scenes_stand_apart(folder, capsys):
+    names = np.array(["a", "b"])
+    stats = np.zeros((2, 30, 5))
+    stats[1, :, 1:3] = 9
+    np.savez(folder / "dgr.npz", names=names, stats=stats)
+    rows = succeed(capsys, *asked(folder, "ours.csv", "dgr.npz"), "--wide").splitlines()
+    told = next(row.split() for row in rows if row.startswith("0 "))
+    assert told == ["0", "-", "100.0", "0.0"]
+    told = next(row.split() for row in rows if row.startswith("hall "))
+    assert told[2:] == ["-", "-"]
+    np.savez(folder / "dgr.npz", names=names, stats=stats[:, :7])
+    assert "RESULT: of 7 and 30 pairs" in fail(capsys, *asked(folder, "ours.csv", "dgr.npz"))
+    np.savez(folder / "dgr.npz", names=names, stats=stats[0])
+    assert "DGR's is (methods, pairs, 5)" in fail(capsys, *asked(folder, "dgr.npz"))
 
 
 def test_without_information_the_first_recall_that_is_known_leads(folder, capsys):

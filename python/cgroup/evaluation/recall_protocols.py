@@ -24,6 +24,8 @@ else:
     import tomli as tomllib  # pyright: ignore[reportMissingImports] - on Python 3.10 only
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from cgroup.types import BoolArray
 
 _RESAMPLES, _LEVEL = 10_000, 0.95
@@ -55,10 +57,9 @@ class Recall:
         """Raise `InputError` for what is no definition."""
         for name in ("inclusive", "consecutive", "first"):
             as_flag(name, getattr(self, name))
-        as_choice("average", self.average, ("pairs", "scenes"))
-        as_choice("errors", self.errors, ("mean", "median"))
-        limits = [as_length(name, limit) for name in _LIMITS if (limit := getattr(self, name)) is not None]
-        if not limits:
+        for name, choices in (("average", ("pairs", "scenes")), ("errors", ("mean", "median"))):
+            as_choice(name, getattr(self, name), choices)
+        if not [as_length(name, limit) for name in _LIMITS if (limit := getattr(self, name)) is not None]:
             raise InputError("recall", "no limit", f"give {', '.join(_LIMITS)}")
 
     def describe(self) -> str:
@@ -119,10 +120,15 @@ class RecallProtocol:
     """Recalls of a benchmark, the one that papers call RR first, and what its papers leave open."""
 
     title: str
-    recalls: tuple[Recall, ...]
+    recalls: Sequence[Recall]
     citation: str = ""
     pairs: int | None = None
-    left_open: tuple[str, ...] = ()
+    left_open: Sequence[str] = ()
+
+    def __post_init__(self) -> None:
+        """Raise `InputError` where there is no recall."""
+        if not self.recalls:
+            raise InputError("[[recall]]", "none", "give one or more")
 
 
 def protocol_names() -> list[str]:
@@ -132,21 +138,19 @@ def protocol_names() -> list[str]:
 
 def read_protocol(name: str) -> RecallProtocol:
     """Read a protocol by its name, or from a TOML file laid out like those in ``evaluation/presets``."""
-    if name not in protocol_names() and not name.endswith(".toml"):
+    if name in protocol_names():
+        text = (_PRESETS / f"{name}.toml").read_text(encoding="utf-8")
+    elif name.endswith(".toml"):
+        text = load_text(name)
+    else:
         raise InputError("protocol", name, f"give {', '.join(protocol_names())}, or a .toml file")
-    is_file = name.endswith(".toml")
-    text = load_text(name) if is_file else (_PRESETS / f"{name}.toml").read_text(encoding="utf-8")
     try:
         table = tomllib.loads(text)
-        recalls = tuple(Recall(**one) for one in table.pop("recall", ()))
-        protocol = RecallProtocol(**table, recalls=recalls)
+        recalls = [Recall(**one) for one in table.pop("recall", ())]
+        return RecallProtocol(recalls=recalls, **table)
     except (tomllib.TOMLDecodeError, TypeError, InputError) as error:
-        message = f"{name}: not a protocol: {str(error).removeprefix('Recall.__init__() ')}"
+        message = f"{name}: not a protocol: {error}"
         raise InputError(message) from error
-    if not recalls:
-        message = f"{name}: has no [[recall]]"
-        raise InputError(message)
-    return protocol
 
 
 def score_poses(truth: PairPoses, found: PairPoses, *, inverse: bool = False) -> PairErrors:
@@ -168,7 +172,7 @@ def score_poses(truth: PairPoses, found: PairPoses, *, inverse: bool = False) ->
         raise InputError(message)
     answered = np.isfinite(poses).all(axis=(1, 2))
     ours, theirs = poses[answered], truth.poses[answered]
-    rotation, translation, rmse = (np.full(len(rows), np.inf) for _ in range(3))
+    rotation, translation, rmse = np.full((3, len(rows)), np.inf)
     # As all scripts have it; rotations of 3DLoMatch are off by 5e-4, and their sines say 1 degree more.
     cosine = (np.einsum("nij,nij->n", ours[:, :3, :3], theirs[:, :3, :3]) - 1) / 2
     rotation[answered] = np.degrees(np.arccos(np.clip(cosine, -1, 1)))

@@ -114,7 +114,10 @@ def registration_recall(registered: ArrayLike, *, scenes: Sequence[str] | None =
     0.5
     """
     flags = as_mask("registered", registered)
-    return _mean(flags.astype(np.float64), scenes)
+    if scenes is None or not len(flags):
+        return float(flags.mean()) if len(flags) else float("nan")
+    _, scene = np.unique(as_labels("scenes", scenes, len(flags), "pairs"), return_inverse=True)
+    return float((np.bincount(scene, weights=flags) / np.bincount(scene)).mean())
 
 
 def feature_matching_recall(
@@ -147,8 +150,8 @@ def feature_matching_recall(
     >>> feature_matching_recall([0.02, 0.3, 0.06, 0.05])
     0.5
     """
-    enough = as_floats("inlier_ratios", inlier_ratios).ravel() > as_number("least", least)
-    return _mean(enough.astype(np.float64), scenes)
+    ratios = as_floats("inlier_ratios", inlier_ratios).ravel()
+    return registration_recall(ratios > as_number("least", least), scenes=scenes)
 
 
 def inlier_ratio(
@@ -215,13 +218,4 @@ def mean_average_accuracy(errors: ArrayLike, limits: ArrayLike) -> float:
     0.275
     """
     shares = ecdf(errors, limits)
-    return float(shares.mean()) if len(shares) else float("nan")
-
-
-def _mean(values: FloatArray, scenes: Sequence[str] | None) -> float:
-    """Mean of values, or of the means of scenes."""
-    if scenes is None:
-        return float(values.mean()) if len(values) else float("nan")
-    _, scene = np.unique(as_labels("scenes", scenes, len(values), "pairs"), return_inverse=True)
-    shares = np.bincount(scene, weights=values) / np.bincount(scene)
     return float(shares.mean()) if len(shares) else float("nan")

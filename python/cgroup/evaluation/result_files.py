@@ -95,7 +95,7 @@ def read_results(path: Path, truth: PairPoses | None = None) -> list[PairPoses |
                 raise InputError(message)
             found[key] = np.full((4, 4), np.nan) if pose is None else pose, file
     if not found:
-        message = f"{path}: holds no poses of pairs"
+        message = f"{path}: holds no poses of pairs; names of files with some end in {', '.join(_SUFFIXES)}"
         raise InputError(message)
     poses = np.array([pose for pose, _ in found.values()])
     poses[~np.isfinite(poses).all(axis=(1, 2))] = np.nan
@@ -145,27 +145,21 @@ def write_logs(folder: Path | str, results: PairPoses) -> None:
 
 def _files_of(path: Path) -> list[Path]:
     """List the files of a result: logs of pairs alone, where a folder has any."""
-    if not path.is_dir():
-        return [path]
     files = sorted(file for file in path.rglob("*") if file.suffix.lower() in _SUFFIXES)
-    if not files:
-        message = f"{path}: holds no results; their names end in {', '.join(_SUFFIXES)}"
-        raise InputError(message)
-    return [file for file in files if file.name in ("est.log", "gt.log")] or files
+    logs = [file for file in files if file.name in ("est.log", "gt.log")]
+    return logs or (files if path.is_dir() else [path])
 
 
 def _name_scene(told: str | None, file: Path, known: Collection[str] | None = None) -> str:
-    """Return the scene of a part, by what it says, by the file's name, or by that of a folder above."""
+    """Return the scene of a pair, by what is told, by the file's name, or by that of a folder above."""
     stem = () if file.stem in _UNNAMED or _numbers_in(file) else (file.stem,)
     names = [told] if told else [*stem, *(parent.name for parent in file.absolute().parents)]
     names = [name.removesuffix("-evaluation") for name in names]
     chosen = names[0] if known is None else next((name for name in names if name in known), told)
-    if chosen is not None:
-        return chosen
-    if known is not None and len(known) == 1:
-        return next(iter(known))
-    message = f"{file}: tells none of the scenes {', '.join(sorted(known or ()))}; name it or its folder so"
-    raise InputError(message)
+    if chosen is None and known and len(known) > 1:
+        message = f"{file}: tells none of the scenes {', '.join(sorted(known))}; name it or its folder so"
+        raise InputError(message)
+    return chosen or next(iter(known or names))
 
 
 def _pairs_among(clouds: _Clouds, truth: PairPoses | None, scene: str) -> Iterator[_Pair]:

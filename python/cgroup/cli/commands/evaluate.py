@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from cgroup._show.words import counted
 from cgroup.cli import options
 from cgroup.cli.command import command, make_app
 from cgroup.cli.options import option
@@ -64,8 +65,8 @@ def print_evaluation(
             rows.append([name, *shares, *errors[name]])
         print_text(_as_latex(rows) if latex else _as_markdown(rows))
         return
-    scenes = list(done["methods"][0]["scenes"])
-    print_line(f"{done['protocol']}: {done['pairs']} pairs of {len(scenes)} scenes; recalls in %")
+    scenes = list(dict.fromkeys(scene for one in done["methods"] for scene in one["scenes"]))
+    print_line(f"{done['protocol']}: {done['pairs']} pairs of {counted(len(scenes), 'scene')}; recalls in %")
     show(["result", *titles], [[name, *map(_show_recall, one["recalls"])] for name, one in methods.items()])
     print_line(f"By {titles[done['main']]}:")
     rows = [[name, *(str(one[count]) for count in _COUNTS), *errors[name]] for name, one in methods.items()]
@@ -74,7 +75,7 @@ def print_evaluation(
     tables = {"scenes": ("scene", scenes), "overlaps": ("overlap", levels)}
     tables |= {"curve": ("limits x", [f"{factor:g}" for factor in _FACTORS])} if curve else {}
     for key, (title, labels) in tables.items():
-        shares = [list(one[key].values()) if key == "scenes" else one[key] for one in done["methods"]]
+        shares = [[*map(one[key].get, labels)] if key == "scenes" else one[key] for one in done["methods"]]
         rows = [[label, *map(_percent, each)] for label, *each in zip(labels, *shares, strict=True)]
         if any(share is not None for each in shares for share in each):
             show([title, *names], rows)
