@@ -12,7 +12,7 @@
 
 3DMatch's own criterion, which Predator and GeoTransformer report, is another: an RMSE below 0.2 m over the
 true matches of two fragments, by way of the covariances in ``gt.info``. It isn't among these; recalls by
-``3dmatch`` compare with those of the methods in the table only.
+``3dmatch`` compare with those of the methods in the table only. ``cgroup evaluate`` scores poses by both.
 """
 
 from __future__ import annotations

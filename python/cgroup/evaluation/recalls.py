@@ -52,9 +52,9 @@ def redwood_error(estimated: ArrayLike, true: ArrayLike, information: ArrayLike)
 
     Notes
     -----
-    It is an RMSE by name only. The matrices of the published ``gt.info`` are sums of G'G with
-    G = [I, -[p]x], of points p in the frame of i and for rotations in radians, while the error is taken in
-    that of j and has half the sine of half the angle: 3DMatch's redkitchen shows it.
+    It is an RMSE by name only. The matrices of the published ``gt.info`` are sums of G'G with G = [I, -[p]x],
+    of points p in the frame of i and for angles in radians, as its redkitchen shows. The error, though, is
+    taken in the frame of j, and has the sine of half the angle in place of the angle.
 
     Examples
     --------

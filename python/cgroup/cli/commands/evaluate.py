@@ -26,6 +26,7 @@ from cgroup.evaluation.recall_protocols import (
     refuse_inverses,
     score_poses,
 )
+from cgroup.evaluation.recalls import registration_recall
 from cgroup.evaluation.result_files import PairErrors, read_results, read_truth
 from cgroup.types import BoolArray
 
@@ -207,6 +208,10 @@ def _describe(name: str, found: PairErrors, by: RecallProtocol, main: Recall) ->
     counts, right = main.counted(found), main.registered(found)
     scenes, levels = np.array([key[0] for key in found.keys]), np.digitize(found.overlap, _OVERLAPS[1:-1])
     levels[np.isnan(found.overlap)] = -1
+
+    def share(chosen: BoolArray) -> float:
+        return registration_recall(right[counts & chosen])
+
     return {
         "name": name,
         "right": int((counts & right).sum()),
@@ -214,11 +219,7 @@ def _describe(name: str, found: PairErrors, by: RecallProtocol, main: Recall) ->
         "refused": int((counts & found.refused).sum()),
         "missing": int((counts & found.missing).sum()),
         "recalls": [one.score(found) for one in by.recalls],
-        "scenes": {scene: _share(right[counts & (scenes == scene)]) for scene in np.unique(scenes).tolist()},
-        "overlaps": [_share(right[counts & (levels == level)]) for level in range(len(_OVERLAPS) - 1)],
-        "curve": [_share(main.registered(found, factor)[counts]) for factor in _FACTORS],
+        "scenes": {scene: share(scenes == scene) for scene in np.unique(scenes).tolist()},
+        "overlaps": [share(levels == level) for level in range(len(_OVERLAPS) - 1)],
+        "curve": [registration_recall(main.registered(found, factor)[counts]) for factor in _FACTORS],
     }
-
-
-def _share(right: BoolArray) -> float | None:
-    return float(right.mean()) if len(right) else None
