@@ -23,11 +23,10 @@ from cgroup.evaluation.result_files import (
     PairPoses,
     read_results,
     read_truth,
-    write_logs,
 )
 from cgroup.io import read_cloud, write_file
+from cgroup.io._files import number_lines
 from cgroup.io._graphs import motion_lines
-from cgroup.io._logs import format_log
 from cgroup.rigid import apply, invert, turn
 from cgroup.scenes import PoseGraph
 from reference.redwood import redwood_error
@@ -51,6 +50,14 @@ def jolted(rng, poses, degrees, shift):
     return poses @ errors
 
 
+def format_log(pairs, poses):
+    """Poses of pairs, exact to the last bit; some readers split lines at tabs only."""
+    blocks = [
+        f"{i}\t{j}\t60\n" + "\n".join(number_lines(pose)) for (i, j), pose in zip(pairs, poses, strict=True)
+    ]
+    return "\n".join([*blocks, ""]).replace(" ", "\t")
+
+
 def write_results(path, results):
     """Write poses of pairs as users do: by a table, by `numpy.savez`, or as logs in a folder."""
     scenes, *numbers = map(np.array, zip(*results.keys, strict=True))
@@ -63,7 +70,14 @@ def write_results(path, results):
     elif path.suffix == ".npz":
         np.savez(path, scenes=scenes, pairs=np.column_stack(numbers), poses=results.poses)
     else:
-        write_logs(path, results)
+        for scene in {key[0] for key in results.keys}:
+            rows = [row for row, key in enumerate(results.keys) if key[0] == scene]
+            rows = [row for row in rows if np.isfinite(results.poses[row]).all()]
+            if not rows:
+                continue
+            (path / scene).mkdir(parents=True)
+            text = format_log([results.keys[row][1:] for row in rows], results.poses[rows])
+            (path / scene / "est.log").write_text(text)
 
 
 def made_truth(rng, information=True):
@@ -259,12 +273,16 @@ def test_trajectories_and_graphs_give_the_pairs_of_the_truth(tmp_path):
 def test_documents_of_register_and_merge(tmp_path):
     pose = random_pose(np.random.default_rng(1))
     inputs = [{"file": "scans/cloud_bin_7.ply"}, {"file": "scans/cloud_bin_4.ply"}]
-    registered = {"command": "register", "inputs": inputs, "results": {"T_target_source": pose.tolist()}}
+    registered = {
+        "command": "register",
+        "inputs": inputs,
+        "results": {"ok": True, "T_target_source": pose.tolist()},
+    }
     refused = {"command": "register", "error": {"kind": "NoConsensusError"}}
     scans = [("scan4.ply", 0, np.eye(4).tolist()), ("scan7.ply", 0, pose.tolist()), ("scan9.ply", None, None)]
     placed = [dict(zip(("name", "component", "T_component_scan"), scan, strict=True)) for scan in scans]
     merged = {"command": "merge", "results": {"scans": placed}}
-    keys = [("", 4, 7), ("", 4, 9)]
+    keys = [("hall", 4, 7), ("hall", 4, 9)]
     nothing = np.full((2, 6, 6), np.nan)
     truth = PairPoses("truth", keys, np.array([pose, pose]), nothing, nothing[:, 0, 0])
     folder = tmp_path / "documents"
@@ -278,9 +296,20 @@ def test_documents_of_register_and_merge(tmp_path):
         assert scored.rotation == pytest.approx([0, np.inf], abs=1e-5)
         assert scored.refused.tolist() == [False, True]
         assert not scored.missing.any()
-    (tmp_path / "other.json").write_text('{"command": "group"}')
-    with pytest.raises(InputError, match="other.json: not a result of cgroup; give what register or merge"):
-        read_results(tmp_path / "other.json", truth)
+    compared = registered | {"command": "compare"}  # its pose is the true one
+    lost = registered | {"results": {"ok": True, "T_target_source": None}}
+    flat = {"command": "merge", "results": {"scans": [placed[0] | {"T_component_scan": [[1, 0]]}]}}
+    for other in ({"command": "group"}, compared, lost, flat, [], 5):
+        (tmp_path / "other.json").write_text(json.dumps(other))
+        with pytest.raises(
+            InputError, match="other.json: not a result of cgroup; give what register or merge"
+        ):
+            read_results(tmp_path / "other.json", truth)
+    (folder / "a.json").write_text(
+        json.dumps(registered | {"results": registered["results"] | {"ok": False}})
+    )
+    (found,) = read_results(folder, truth)
+    assert score_poses(truth, found).refused.all()
 
 
 # --- the command --------------------------------------------------------------------------------------------
@@ -359,11 +388,13 @@ def test_own_protocols(folder, capsys):
     wrong = {
         "title = ": "not a protocol",
         'title = "x"': r"\[\[recall\]\]: got none; give one or more",
-        'title = "x"\n[[recall]]\nname = "a"': "recall: got no limit; give max_rmse",
+        'title = "x"\n[[recall]]\nname = "a"': "recall: got no limit; give max_rotation",
         'title = "x"\n[[recall]]\nname = "a"\nmax_rmse = -1': "max_rmse: got -1",
         'title = "x"\n[[recall]]\nname = "a"\nmax_rmse = 1\naverage = "all"': "average: got 'all'; choose one of",
         'title = "x"\n[[recall]]\nname = "a"\nmax_rms = 1': "unexpected keyword argument 'max_rms'",
         '[[recall]]\nname = "a"\nmax_rmse = 1': "title",
+        'title = "x"\nleft_open = 3\n[[recall]]\nname = "a"\nmax_rmse = 1': "not a protocol",
+        'title = "x"\n[[recall]]\nname = 5\nmax_rmse = 1': "give a str",
     }
     for text, message in wrong.items():
         (folder / "own.toml").write_text(text)
@@ -390,13 +421,18 @@ WRONG_FILES = {
     "short.csv": (HEAD + "hall,0,1,0,0\n", "line 2 isn't a pair"),
     "long.csv": (HEAD + "hall,0,1,0,0,0,0,0,0,2\n", "quaternion is of length 2"),
     "twice.csv": (HEAD + "hall,0,1,0,0,0,0,0,0,1\n" * 2, "pair hall/0-1 is there twice"),
+    "back.csv": (HEAD + "hall,0,1,0,0,0,0,0,0,1\nhall,1,0,9,0,0,0,0,0,1\n", "pair hall/1-0 is there twice"),
+    "hall.tum": ("1 0 0 0 0 0 0 1\n" * 2, "cloud 1 is there twice"),
     "unknown.csv": (
         HEAD + "cellar,0,1,0,0,0,0,0,0,1\n",
         "none of its pairs, such as cellar/0-1, is in the truth",
     ),
     "cut.log": ("0 1 5\n1 0 0 0\n", "not a list of poses; 5 lines each"),
     "hall.log": ("0 1 5\n" + "2 0 0 0\n0 2 0 0\n0 0 2 0\n0 0 0 1\n", "scaled or sheared, not a rotation"),
-    "nowhere.log": ("0 1 5\n1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n", "tells none of the scenes"),
+    "nowhere.log": (
+        "0 1 5\n1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n",
+        "none of its pairs, such as nowhere/0-1, is in the truth",
+    ),
     "cut.npz": ("PK", "not a readable NPZ file"),
     "cut.json": ("{", "not a readable JSON file"),
     "cut.g2o": ("EDGE_SE3:QUAT 0 1", "needs 30 finite numbers"),
@@ -415,13 +451,93 @@ def test_wrong_files_are_one_sentence(folder, capsys, name):
 
 def test_wrong_folders_and_options_are_one_sentence(folder, capsys):
     (folder / "bare").mkdir()
-    assert "bare: holds no poses of pairs; names of files" in fail(capsys, *asked(folder, "bare"))
+    assert "bare: holds no poses of pairs of 7-scenes-redkitchen, hall" in fail(
+        capsys, *asked(folder, "bare")
+    )
     assert "no such file" in fail(capsys, *asked(folder, "nowhere.csv"))
     ours = folder / "ours.csv"
     assert "give 3dlomatch, 3dmatch, eth" in fail(capsys, "evaluate", ours, "--protocol", "4dmatch")
     assert "--truth: is needed" in fail(capsys, "evaluate", ours, "--protocol", "3dmatch")
     assert "not a truth" in fail(capsys, "evaluate", ours, "--protocol", "3dmatch", "--truth", ours)
-    assert "twice" in fail(capsys, *asked(folder, "."))
+    for name in ("a", "b"):
+        (folder / "bare" / f"{name}.csv").write_bytes(ours.read_bytes())
+    assert "b.csv: pair hall/0-1 is there twice, first in" in fail(capsys, *asked(folder, "bare"))
+    (folder / "truth" / "hall" / "gt_overlap.log").write_text("0,1\n")
+    assert "gt_overlap.log: not a readable LOG file" in fail(capsys, *asked(folder))
+
+
+def test_results_beside_the_truth_are_not_taken_for_it(folder, capsys):
+    for name in ("ransac.log", "est.log"):
+        moved = np.eye(4)[None] + np.eye(4, k=3)
+        (folder / "truth" / "hall" / name).write_text(format_log(np.array([[0, 2]]), moved))
+        document = json.loads(succeed(capsys, *asked(folder, "truth"), "--json"))
+        (found,) = document["results"]["methods"]
+        assert (found["right"], found["wrong"]) == (0, 1)
+        assert document["results"]["pairs"] == 30
+
+
+def test_other_scenes_are_left_out_of_a_truth_of_one(folder, capsys):
+    alone = [*asked(folder, "theirs")[:-1], folder / "truth" / "hall"]
+    text = " ".join(succeed(capsys, *alone).split())
+    assert "theirs: 16 pairs aren't in the truth, such as 7-scenes-redkitchen/0-1: left out" in text
+
+
+def test_pairs_count_by_the_difference_of_their_numbers(tmp_path, capsys):
+    rows = np.column_stack([[0, 1, 3, 4], [1, 0, 0, 1]])[:, ::-1]
+    (tmp_path / "truth.csv").write_text(
+        "target,source,tx,ty,tz,qx,qy,qz,qw\n"
+        + "".join(f"{i},{j},0,0,0,0,0,0,1\n" for i, j in rows[[0, 2, 3]])
+    )
+    truth = read_truth(tmp_path / "truth.csv")
+    scored = score_poses(truth, truth)
+    apart = read_protocol("3dmatch").recalls[1]
+    assert apart.counted(scored).tolist() == [False, True, True]
+    truth.information[1:] = np.eye(6)  # those of pairs that don't count aren't missed
+    assert apart.is_known(score_poses(truth, truth))
+    command = ("evaluate", tmp_path / "truth.csv", "--protocol", "3dmatch", "--truth", tmp_path / "one.csv")
+    (tmp_path / "one.csv").write_text("target,source,tx,ty,tz,qx,qy,qz,qw\n0,1,0,0,0,0,0,0,1\n")
+    assert json.loads(succeed(capsys, *command, "--json"))["results"]["main"] == 2
+
+
+def test_the_order_of_columns_does_not_matter(folder, capsys):
+    lines = [line.split(",") for line in (folder / "ours.csv").read_text().splitlines()]
+    order = [2, 0, 1, *np.arange(3, 15).reshape(3, 4).T.ravel().tolist()]
+    (folder / "turned.csv").write_text("".join(", ".join(line[at] for at in order) + "\n" for line in lines))
+    one, other = json.loads(succeed(capsys, *asked(folder, "ours.csv", "turned.csv"), "--json"))["results"][
+        "methods"
+    ]
+    assert one["recalls"] == other["recalls"]
+
+
+@pytest.mark.parametrize(
+    ("arrays", "message"),
+    [
+        ({"pairs": [[0, np.nan]], "poses": np.eye(4)[None]}, "give whole numbers"),
+        ({"pairs": [[0, 1.5]], "poses": np.eye(4)[None]}, "give whole numbers"),
+        ({"pairs": [[0, 1]], "poses": np.eye(4)[None, :3]}, "poses (1, 3, 4)"),
+        ({"pairs": 1, "poses": 1}, "give whole numbers"),
+        ({"pairs": [[0, 1]], "poses": np.eye(4)[None], "scenes": [7]}, "none of its pairs, such as 7/0-1"),
+        ({"names": ["a"], "stats": np.full((1, 3, 5), np.nan)}, "DGR's is"),
+    ],
+)
+def test_wrong_arrays_are_one_sentence(folder, capsys, arrays, message):
+    np.savez(folder / "wrong.npz", **arrays)
+    assert message in fail(capsys, *asked(folder, "wrong.npz"))
+
+
+def test_times_tell_clouds_of_two_trajectories(tmp_path):
+    clouds = poses_of(np.random.default_rng(0), 4)
+    lines = [f"{1305031102.175304 + 0.1 * row:.6f} {line}\n" for row, line in enumerate(motion_lines(clouds))]
+    (tmp_path / "truth.tum").write_text("".join(lines))
+    (tmp_path / "found.tum").write_text("".join(lines[1:]))  # a cloud is lost
+    truth = read_truth(tmp_path / "truth.tum")
+    (found,) = read_results(tmp_path / "found.tum", truth)
+    scored = score_poses(truth, found)
+    assert scored.missing.sum() == 3
+    assert scored.translation[~scored.missing].max() < 1e-9
+    (tmp_path / "long.kitti").write_text("1 0 0 0 0 1 0 0 0 0 1 0\n" * 1001)
+    with pytest.raises(InputError, match="more than 1000 clouds; list the pairs that count"):
+        read_truth(tmp_path / "long.kitti")
 
 
 def test_results_of_other_scenes_stand_apart(folder, capsys):

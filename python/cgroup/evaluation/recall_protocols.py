@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from cgroup._checks.values import as_choice, as_flag, as_length
+from cgroup._checks.values import as_choice, as_flag, as_instance, as_length
 from cgroup.errors import InputError
 from cgroup.evaluation.recalls import redwood_errors, registration_recall
 from cgroup.evaluation.result_files import PairErrors, PairPoses, show_pair
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from cgroup.types import BoolArray
 
 _RESAMPLES, _LEVEL = 10_000, 0.95
-_LIMITS = {"max_rmse": "RMSE", "max_rotation": "rotation in deg", "max_translation": "translation"}
+_LIMITS = {"max_rotation": "rotation in deg", "max_translation": "translation", "max_rmse": "RMSE"}
 _PRESETS = resources.files("cgroup.evaluation") / "presets"
 
 
@@ -37,9 +37,8 @@ _PRESETS = resources.files("cgroup.evaluation") / "presets"
 class Recall:
     """When a pair counts as registered, which pairs count, and how they are averaged.
 
-    Limits are of the root of Redwood's error and of the translation in the data's unit, and of the rotation
-    in degrees; None where it doesn't matter. `first` tells whether the first pair of a scene counts. `errors`
-    is what is made of the errors of registered pairs, over all of them or by scene, as `average` says.
+    Limits are in the data's unit and in degrees; that of the RMSE is of the root of Redwood's error. `first`
+    tells whether the first pair of a scene counts, `errors` what is made of those of registered pairs.
     """
 
     name: str
@@ -59,35 +58,41 @@ class Recall:
             as_flag(name, getattr(self, name))
         for name, choices in (("average", ("pairs", "scenes")), ("errors", ("mean", "median"))):
             as_choice(name, getattr(self, name), choices)
-        if not [as_length(name, limit) for name in _LIMITS if (limit := getattr(self, name)) is not None]:
+        if not [as_length(name, limit) for name, limit in self._limits()]:
             raise InputError("recall", "no limit", f"give {', '.join(_LIMITS)}")
+
+    def _limits(self) -> list[tuple[str, float]]:
+        return [(name, limit) for name in _LIMITS if (limit := getattr(self, name)) is not None]
 
     def describe(self) -> str:
         """Say the definition in words."""
         sign = "<=" if self.inclusive else "<"
-        limits = [f"{of} {sign} {getattr(self, key):g}" for key, of in _LIMITS.items() if getattr(self, key)]
+        limits = [f"{_LIMITS[name]} {sign} {limit:g}" for name, limit in self._limits()]
         pairs = "pairs" if self.consecutive else "pairs but those of i, i+1"
         pairs += "" if self.first else " and the first of a scene"
-        return f"{', '.join(limits)}; all {pairs}; mean of {self.average} ({self.source})"
+        source = f" ({self.source})" if self.source else ""
+        return f"{', '.join(limits)}; all {pairs}; mean of {self.average}{source}"
 
     def counted(self, found: PairErrors) -> BoolArray:
         """Tell which pairs count."""
-        counts = np.array([self.consecutive or source - target > 1 for _, target, source in found.keys])
+        counts = np.array([self.consecutive or abs(source - target) > 1 for _, target, source in found.keys])
         if not self.first:
             counts[np.unique([scene for scene, _, _ in found.keys], return_index=True)[1]] = False
         return counts
 
     def is_known(self, found: PairErrors) -> bool:
-        """Tell whether there is what it takes: Redwood's errors, and the numbers of clouds."""
-        has_numbers = (self.consecutive and self.first) or min(source for *_, source in found.keys) >= 0
-        return has_numbers and (self.max_rmse is None or not np.isnan(found.rmse).any())
+        """Tell whether there is what it takes: Redwood's errors, numbers of clouds, a pair that counts."""
+        if not (self.consecutive and self.first) and min(source for *_, source in found.keys) < 0:
+            return False
+        counts = self.counted(found)
+        return bool(counts.any() and (self.max_rmse is None or not np.isnan(found.rmse[counts]).any()))
 
     def registered(self, found: PairErrors, factor: float = 1.0) -> BoolArray:
         """Tell which pairs are within the limits, times a factor."""
+        errors = dict(zip(_LIMITS, (found.rotation, found.translation, found.rmse), strict=True))
         within = np.isfinite(found.rotation)
-        for error, name in zip((found.rmse, found.rotation, found.translation), _LIMITS, strict=True):
-            if (limit := getattr(self, name)) is not None:
-                within &= error <= factor * limit if self.inclusive else error < factor * limit
+        for name, limit in self._limits():
+            within &= errors[name] <= factor * limit if self.inclusive else errors[name] < factor * limit
         return within
 
     def score(self, found: PairErrors) -> dict[str, Any] | None:
@@ -103,21 +108,15 @@ class Recall:
             for values in (found.rotation, found.translation)
         )
         units = scenes[counts].tolist()
-        low, high = _interval(right[counts], units, by_scene=by_scene)
-        return {
-            "recall": registration_recall(right[counts], scenes=units if by_scene else None),
-            "low": low,
-            "high": high,
-            "registered": int(right.sum()),
-            "pairs": len(units),
-            "rotation_deg": rotation,
-            "translation": translation,
-        }
+        keys = ("recall", "low", "high", "registered", "pairs", "rotation_deg", "translation")
+        recall = registration_recall(right[counts], scenes=units if by_scene else None)
+        numbers = recall, *_interval(right[counts], units, by_scene=by_scene), int(right.sum()), len(units)
+        return dict(zip(keys, (*numbers, rotation, translation), strict=True))
 
 
 @dataclass(frozen=True)
 class RecallProtocol:
-    """Recalls of a benchmark, the one that papers call RR first, and what its papers leave open."""
+    """Recalls of a benchmark, first the one that papers call RR, and what its papers leave open."""
 
     title: str
     recalls: Sequence[Recall]
@@ -126,9 +125,12 @@ class RecallProtocol:
     left_open: Sequence[str] = ()
 
     def __post_init__(self) -> None:
-        """Raise `InputError` where there is no recall."""
+        """Raise `InputError` where there is no recall, or a value of another kind."""
         if not self.recalls:
             raise InputError("[[recall]]", "none", "give one or more")
+        texts = [text for one in self.recalls for text in (one.name, one.source)]
+        for text in (self.title, self.citation, *self.left_open, *texts):
+            as_instance("text", text, str)
 
 
 def protocol_names() -> list[str]:
@@ -196,8 +198,6 @@ def refuse_inverses(truth: PairPoses, found: PairPoses, scored: PairErrors, reca
 
 def _interval(right: BoolArray, scenes: list[str], *, by_scene: bool) -> tuple[float, float]:
     """Return the interval of the bootstrap by pairs: successes among the draws of a scene are binomial."""
-    if not len(right):
-        return np.nan, np.nan
     scene = np.unique(scenes, return_inverse=True)[1]
     sizes = np.bincount(scene)
     shares = np.bincount(scene, weights=right) / sizes

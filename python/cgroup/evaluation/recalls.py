@@ -52,9 +52,8 @@ def redwood_error(estimated: ArrayLike, true: ArrayLike, information: ArrayLike)
 
     Notes
     -----
-    It is an RMSE by name only. The matrices of the published ``gt.info`` are sums of G'G with G = [I, -[p]x],
-    of points p in the frame of i and for angles in radians, as its redkitchen shows. The error, though, is
-    taken in the frame of j, and has the sine of half the angle in place of the angle.
+    It is an RMSE by name only: the published matrices are sums of G'G with G = [I, -[p]x], of points p in the
+    frame of i and angles in radians, but the error is taken in the frame of j, by the sine of half the angle.
 
     Examples
     --------
@@ -66,11 +65,17 @@ def redwood_error(estimated: ArrayLike, true: ArrayLike, information: ArrayLike)
     0.25
     """
     ours, theirs = check_rigid(estimated, "estimated"), check_rigid(true, "true")
-    matrix = as_floats("information", information)
+    matrix = check_information(information)
+    return float(redwood_errors(ours[None], theirs[None], matrix[None])[0])
+
+
+def check_information(information: ArrayLike, name: str = "information") -> FloatArray:
+    """Return an information matrix that an error can be taken by."""
+    matrix = as_floats(name, information)
     if matrix.shape != (6, 6) or not np.isfinite(matrix).all() or matrix[0, 0] <= 0:
         got = f"shape {matrix.shape}" if matrix.shape != (6, 6) else f"{matrix[0, 0]} at its beginning"
-        raise InputError("information", got, "give a finite 6x6 matrix, translation first")
-    return float(redwood_errors(ours[None], theirs[None], matrix[None])[0])
+        raise InputError(name, got, "give a finite 6x6 matrix, translation first")
+    return matrix
 
 
 def redwood_errors(estimated: FloatArray, true: FloatArray, information: FloatArray) -> FloatArray:

@@ -18,40 +18,38 @@ import numpy as np
 
 from cgroup._checks.quoting import escape
 from cgroup.errors import InputError
-from cgroup.io._files import load_numbers, load_text, naming, parse_file, write_file
+from cgroup.evaluation.recalls import check_information
+from cgroup.io._files import load_numbers, load_text, naming, parse_file
 from cgroup.io._graphs import parse_text
-from cgroup.io._logs import format_log, read_matrices
+from cgroup.io._logs import read_matrices
 from cgroup.io._numpy_files import read_arrays
-from cgroup.io._results import make_folder
 from cgroup.io.transforms import find_poses, read_transforms
 from cgroup.rigid import are_rigid, check_rigid
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator
+    from collections.abc import Iterable, Iterator
 
     from cgroup.types import BoolArray, FloatArray
 
-    _Pair = tuple[str | None, int, int, FloatArray | None]  # scene, if it is told; target, source; the pose
-    _Clouds = dict[
-        int, tuple[int | None, Any]
-    ]  # by number: the component, if there is one, and the pose in it
+    # Of pairs: scene, "" if untold, target, source and pose. Of clouds: number, component and pose.
+    _Rows = Iterable[tuple[Any, ...]]
 
 _SUFFIXES = (".log", ".csv", ".npz", ".json", ".g2o", ".tum", ".kitti", ".txt", ".npy")
 _UNNAMED = {"est", "gt", "poses", "graph", "result", "results", "trajectory"}
 """Names of files that tell no scene; their folder's does."""
 
-_QUATERNION = ("tx", "ty", "tz", "qx", "qy", "qz", "qw")
+_MOST_CLOUDS = 1_000
+"""Of which all pairs are the truth."""
 
-Key = tuple[str, int, int]
-"""Scene, target and source."""
+_TAIL = "-evaluation"  # of folders of 3DMatch
+_QUATERNION = ["tx", "ty", "tz", "qx", "qy", "qz", "qw"]
+
+Key = tuple[str, int, int]  # scene, target and source
 
 
 @dataclass(frozen=True, eq=False)
 class PairPoses:
-    """Poses of pairs (n,4,4) by scene, target and source; NaN where a pose was refused.
-
-    Of true ones also the information matrix (n,6,6) and the overlap (n,) of each pair, NaN if not known.
-    """
+    """Poses (n,4,4) of pairs, NaN if refused; of true ones also information and overlap, NaN if unknown."""
 
     name: str
     keys: list[Key]
@@ -82,20 +80,25 @@ def read_results(path: Path, truth: PairPoses | None = None) -> list[PairPoses |
     """Read what a file or a folder holds; several results where it has several methods."""
     if path.suffix.lower() == ".npz" and path.is_file() and read_arrays(path, optional=["stats"]):
         return _split_methods(path)
+    files = _files_of(path, is_truth=truth is None)
+    scenes = sorted({key[0] for key in truth.keys}) if truth else []
+    told = {file: next((name for name in _names_of(file) if name in scenes), "") for file in files}
+    only = scenes[0] if len(scenes) == 1 and not any(told.values()) else ""
     found: dict[Key, tuple[FloatArray, Path]] = {}
-    scenes = {scene for scene, _, _ in truth.keys} if truth else None
-    for file in _files_of(path):
-        content = _READERS.get(file.suffix.lower(), _read_trajectory)(file)
-        if isinstance(content, dict):
-            content = _pairs_among(content, truth, _name_scene(None, file, scenes))
-        for told, target, source, pose in content:
-            key = _name_scene(told, file, scenes), target, source
-            if key in found:
-                message = f"{file}: pair {show_pair(key)} is there twice, first in {found[key][1]}"
+    for file in files:
+        rows, scene = [*_READERS.get(file.suffix.lower(), _read_trajectory)(file)], told[file] or only
+        if rows and len(rows[0]) == 3:
+            rows = _pairs_among(file, rows, truth, scene)
+        for name, i, j, pose in rows:
+            key = name.removesuffix(_TAIL) or scene or _names_of(file)[0], i, j
+            first = next((other for other in (key, (key[0], j, i)) if other in found), None)
+            if first is not None:
+                message = f"{file}: pair {show_pair(key)} is there twice, first in {found[first][1]}"
                 raise InputError(message)
             found[key] = np.full((4, 4), np.nan) if pose is None else pose, file
     if not found:
-        message = f"{path}: holds no poses of pairs; names of files with some end in {', '.join(_SUFFIXES)}"
+        of = ", ".join(scenes) or "any scene"
+        message = f"{path}: holds no poses of pairs of {of}; files of some end in {', '.join(_SUFFIXES)}"
         raise InputError(message)
     poses = np.array([pose for pose, _ in found.values()])
     poses[~np.isfinite(poses).all(axis=(1, 2))] = np.nan
@@ -111,18 +114,21 @@ def read_truth(path: Path) -> PairPoses:
     if isinstance(known, PairErrors) or np.isnan(known.poses).any():
         message = f"{path}: not a truth; give the true pose of every pair"
         raise InputError(message)
-    information: dict[Key, FloatArray] = {}
-    overlap: dict[Key, float] = {}
-    for file in _files_of(path):
-        scene, info, shares = _name_scene(None, file), *map(file.with_name, ("gt.info", "gt_overlap.log"))
-        if info.is_file():
-            information |= {(scene, *pair): matrix for pair, matrix in read_matrices(info, 6).items()}
-        if shares.is_file():
-            rows = parse_file(shares, load_numbers).reshape(-1, 3).tolist()
-            overlap |= {(scene, int(i), int(j)): share for i, j, share in rows}
-    matrices = np.array([information.get(key, np.full((6, 6), np.nan)) for key in known.keys])
-    shares = np.array([overlap.get(key, np.nan) for key in known.keys])
-    return PairPoses(known.name, known.keys, known.poses, matrices, shares)
+    rows = {key: row for row, key in enumerate(known.keys)}
+    information, overlap = np.full((len(rows), 6, 6), np.nan), np.full(len(rows), np.nan)
+    for file in _files_of(path, is_truth=True):
+        scene, info, shares = _names_of(file)[0], *map(file.with_name, ("gt.info", "gt_overlap.log"))
+        matrices = read_matrices(info, 6, check_information) if info.is_file() else {}
+        for (i, j), matrix in matrices.items():
+            information[rows.get((scene, i, j), [])] = matrix
+        table = (
+            parse_file(shares, lambda content: load_numbers(content).reshape(-1, 3))
+            if shares.is_file()
+            else ()
+        )
+        for i, j, share in table:
+            overlap[rows.get((scene, i, j), [])] = share
+    return PairPoses(known.name, known.keys, known.poses, information, overlap)
 
 
 def show_pair(key: Key) -> str:
@@ -130,96 +136,88 @@ def show_pair(key: Key) -> str:
     return escape(f"{key[0]}/{key[1]}-{key[2]}")
 
 
-def write_logs(folder: Path | str, results: PairPoses) -> None:
-    """Write an est.log per scene, exact to the last bit, as scripts of Predator and GeoTransformer read it.
-
-    Refused pairs are left out, and so are scenes without others.
-    """
-    scenes, *numbers = (np.array(each) for each in zip(*results.keys, strict=True))
-    answered = np.isfinite(results.poses).all(axis=(1, 2))
-    for scene in np.unique(scenes[answered]).tolist():
-        rows = answered & (scenes == scene)
-        file = make_folder(Path(folder) / scene) / "est.log"
-        write_file(file, format_log(np.column_stack(numbers)[rows], results.poses[rows]).encode())
-
-
-def _files_of(path: Path) -> list[Path]:
-    """List the files of a result: logs of pairs alone, where a folder has any."""
+def _files_of(path: Path, *, is_truth: bool) -> list[Path]:
+    """List the files of a truth or of a result, which may lie in the same folder: logs of pairs first."""
+    if not path.is_dir():
+        return [path]
     files = sorted(file for file in path.rglob("*") if file.suffix.lower() in _SUFFIXES)
-    logs = [file for file in files if file.name in ("est.log", "gt.log")]
-    return logs or (files if path.is_dir() else [path])
+    true, found = ([file for file in files if file.name == name] for name in ("gt.log", "est.log"))
+    rest = [file for file in files if file.name not in ("gt.log", "gt_overlap.log")]
+    return (is_truth and true) or found or rest
 
 
-def _name_scene(told: str | None, file: Path, known: Collection[str] | None = None) -> str:
-    """Return the scene of a pair, by what is told, by the file's name, or by that of a folder above."""
-    stem = () if file.stem in _UNNAMED or _numbers_in(file) else (file.stem,)
-    names = [told] if told else [*stem, *(parent.name for parent in file.absolute().parents)]
-    names = [name.removesuffix("-evaluation") for name in names]
-    chosen = names[0] if known is None else next((name for name in names if name in known), told)
-    if chosen is None and known and len(known) > 1:
-        message = f"{file}: tells none of the scenes {', '.join(sorted(known))}; name it or its folder so"
-        raise InputError(message)
-    return chosen or next(iter(known or names))
+def _names_of(file: Path) -> list[str]:
+    """List what may be the name of a file's scene: its own, or that of a folder above."""
+    own = () if file.stem in _UNNAMED or _numbers_in(file) else (file.stem,)
+    return [name.removesuffix(_TAIL) for name in (*own, *(parent.name for parent in file.absolute().parents))]
 
 
-def _pairs_among(clouds: _Clouds, truth: PairPoses | None, scene: str) -> Iterator[_Pair]:
+def _pairs_among(file: Path, rows: _Rows, truth: PairPoses | None, scene: str) -> Iterator[tuple[Any, ...]]:
     """Yield poses of pairs of clouds: of those that the truth has, or of all."""
-    every = ((scene, *pair) for pair in combinations(sorted(clouds), 2))
-    for name, i, j in truth.keys if truth else every:
-        if name == scene and i in clouds and j in clouds:
+    clouds: dict[int, tuple[int | None, Any]] = {}
+    for number, component, pose in rows:
+        if number in clouds or (truth is None and len(clouds) == _MOST_CLOUDS):
+            why = f"cloud {number} is there twice" if number in clouds else f"more than {_MOST_CLOUDS} clouds"
+            message = f"{file}: {why}; list the pairs that count, each with its pose"
+            raise InputError(message)
+        clouds[number] = component, pose
+    asked = [key[1:] for key in truth.keys if key[0] == scene] if truth else combinations(sorted(clouds), 2)
+    for i, j in asked:
+        if i in clouds and j in clouds:
             (first, target), (second, source) = clouds[i], clouds[j]
             is_joined = first is not None and first == second
-            yield None, i, j, np.linalg.solve(target, source) if is_joined else None
+            yield "", i, j, np.linalg.solve(target, source) if is_joined else None
 
 
-def _read_log(file: Path) -> list[_Pair] | _Clouds:
+def _read_log(file: Path) -> _Rows:
     poses = read_matrices(file, 4)
-    if all(i == j for i, j in poses):  # a trajectory
-        return {i: (0, pose) for (i, _), pose in poses.items()}
-    return [(None, i, j, pose) for (i, j), pose in poses.items()]
+    are_clouds = all(i == j for i, j in poses)
+    return [(i, 0, pose) if are_clouds else ("", i, j, pose) for (i, j), pose in poses.items()]
 
 
-def _read_graph(file: Path) -> list[_Pair] | _Clouds:
+def _read_graph(file: Path) -> _Rows:
     """Read the nodes of a g2o file, or its edges where it has no nodes."""
     text = load_text(file)
     with naming(file):
         graph = parse_text(text)
     if "VERTEX" in text:
-        return {int(number): (0, pose) for number, pose in zip(graph.ids, graph.poses, strict=True)}
-    edges = zip(graph.ids[graph.edges], graph.measurements, strict=True)
-    return [(None, int(i), int(j), pose) for (i, j), pose in edges]
+        return [(number, 0, pose) for number, pose in zip(graph.ids.tolist(), graph.poses, strict=True)]
+    edges = zip(graph.ids[graph.edges].tolist(), graph.measurements, strict=True)
+    return [("", i, j, pose) for (i, j), pose in edges]
 
 
-def _read_trajectory(file: Path) -> list[_Pair] | _Clouds:
-    """Read a pose per line: of TUM, whose times number the clouds if they are whole, or of KITTI."""
+def _read_trajectory(file: Path) -> _Rows:
+    """Read a pose per line: of TUM, whose times in s or us number the clouds, or of KITTI."""
     poses, pair = read_transforms(file), _numbers_in(file)
     if len(poses) == 1 and pair:
-        return [(None, *pair, poses[0])]
+        return [("", *pair, poses[0])]
     table = np.empty((0, 0)) if file.suffix.lower() == ".npy" else parse_file(file, load_numbers)
-    has_numbers = table.shape == (len(poses), 8) and (table[:, 0] == np.floor(table[:, 0])).all()
-    numbers = table[:, 0] if has_numbers else np.arange(len(poses))
-    return {int(number): (0, pose) for number, pose in zip(numbers, poses, strict=True)}
+    numbers = table[:, 0] if table.shape == (len(poses), 8) else np.arange(len(poses))
+    numbers = numbers if (numbers == np.floor(numbers)).all() else np.round(1e6 * numbers)
+    return [(int(number), 0, pose) for number, pose in zip(numbers, poses, strict=True)]
 
 
-def _read_npz(file: Path) -> list[_Pair]:
+def _read_npz(file: Path) -> _Rows:
     """Read ``pairs``, ``poses`` and maybe ``scenes``, or the pose of one pair as GeoTransformer keeps it."""
-    pair, single = _numbers_in(file), read_arrays(file, optional=["estimated_transform"])
-    if pair and single:
-        return [(None, *pair, single["estimated_transform"].astype(float))]
-    arrays = read_arrays(file, ["pairs", "poses"], ["scenes"], texts=True)
-    pairs, poses = arrays["pairs"], arrays["poses"].astype(float)
-    scenes = arrays["scenes"].tolist() if "scenes" in arrays else [None] * len(pairs)
-    if pairs.shape != (len(poses), 2) or poses.shape[1:] != (4, 4) or len(scenes) != len(poses):
-        message = f"{file}: pairs {pairs.shape}, poses {poses.shape}; give (n,2) and (n,4,4)"
+    pair, arrays = _numbers_in(file), read_arrays(file, optional=["estimated_transform"])
+    if pair and arrays:
+        pairs, poses, scenes = np.array([pair]), arrays["estimated_transform"][None], np.array([""])
+    else:
+        pairs, poses = (np.atleast_1d(each) for each in read_arrays(file, ["pairs", "poses"]).values())
+        scenes = read_arrays(file, optional=["scenes"], texts=True).get("scenes", np.full(len(pairs), ""))
+    fits = poses.shape[1:] == (4, 4) and pairs.shape == (len(poses), 2) and scenes.shape == poses.shape[:1]
+    if not fits or (pairs != np.floor(pairs)).any():
+        message = f"{file}: pairs {pairs.shape}, poses {poses.shape}; give whole numbers (n,2), and (n,4,4)"
         raise InputError(message)
-    return [(scene, int(i), int(j), pose) for scene, (i, j), pose in zip(scenes, pairs, poses, strict=True)]
+    rows = zip(scenes.tolist(), pairs.astype(int).tolist(), poses.astype(float), strict=True)
+    return [(str(scene), i, j, pose) for scene, (i, j), pose in rows]
 
 
-def _read_csv(file: Path) -> Iterator[_Pair]:
-    table = csv.DictReader(load_text(file).splitlines(), restval="")
+def _read_csv(file: Path) -> _Rows:
+    table = csv.DictReader(load_text(file).splitlines(), restval="", skipinitialspace=True)
     names = [*(table.fieldnames or [])]
-    columns = [name for name in names if re.fullmatch(r"\D*\d\d", name)]
-    columns = [*_QUATERNION] if {*_QUATERNION} <= {*names} else columns
+    columns = sorted((name for name in names if re.fullmatch(r"\D*\d\d", name)), key=lambda name: name[-2:])
+    columns = _QUATERNION if {*_QUATERNION} <= {*names} else columns
     if not {"target", "source"} <= {*names} or len(columns) not in (7, 12, 16):
         wanted = "scene, target, source, and 12 columns t00 to t23, or tx ty tz qx qy qz qw"
         message = f"{file}: not a table of poses; its first line has to name {wanted}"
@@ -233,22 +231,22 @@ def _read_csv(file: Path) -> Iterator[_Pair]:
         except ValueError as error:
             message = f"{file}: line {number} isn't a pair and the numbers of its pose ({error})"
             raise InputError(message) from error
-        yield row.get("scene") or None, *pair, pose
+        yield row.get("scene") or "", *pair, pose
 
 
-def _read_json(file: Path) -> list[_Pair] | _Clouds:
+def _read_json(file: Path) -> _Rows:
     """Read a document of ``cgroup register`` or ``cgroup merge``."""
     document: Any = parse_file(file, json.loads)
     try:
         if "error" in document:  # a refusal doesn't tell its pair
             source, _, target = file.stem.partition("_on_")
-            return [(None, _last_number(target), _last_number(source), None)]
-        done = document["results"]
+            return [("", _last_number(target), _last_number(source), None)]
+        done, is_pose = document["results"], document["command"] in ("register", "assess")
         if document["command"] == "merge":
-            placed = [(one["name"], one["component"], one["T_component_scan"]) for one in done["scans"]]
-            return {_last_number(name): (component, pose) for name, component, pose in placed}
-        source, target = (_last_number(one["file"]) for one in document["inputs"])
-        return [(None, target, source, np.array(done["T_target_source"], dtype=float))]
+            scans = ((one["name"], one["component"], one["T_component_scan"]) for one in done["scans"])
+            return [(_last_number(name), at, at if at is None else _matrix(pose)) for name, at, pose in scans]
+        source, target = (_last_number(one["file"]) for one in document["inputs"] if is_pose)
+        return [("", target, source, _matrix(done["T_target_source"]) if done["ok"] else None)]
     except (KeyError, TypeError, ValueError) as error:
         hint = error if isinstance(error, InputError) else "give what register or merge print by --json"
         message = f"{file}: not a result of cgroup; {hint}"
@@ -257,6 +255,10 @@ def _read_json(file: Path) -> list[_Pair] | _Clouds:
 
 _READERS = {".log": _read_log, ".csv": _read_csv, ".npz": _read_npz, ".json": _read_json, ".g2o": _read_graph}
 """Files of other suffixes have a pose per line."""
+
+
+def _matrix(rows: list[list[float]]) -> FloatArray:
+    return np.array(rows, dtype=float).reshape(4, 4)
 
 
 def _last_number(name: str) -> int:
@@ -270,7 +272,7 @@ def _last_number(name: str) -> int:
 
 def _numbers_in(file: Path) -> tuple[int, int] | None:
     """Return target and source of a file that is named after them, as 0_13 is."""
-    found = re.fullmatch(r"(?:.*\D)?(\d+)[_-](\d+)", file.stem)
+    found = re.fullmatch(r"(\d+)[_-](\d+)", file.stem)
     return None if found is None else (int(found[1]), int(found[2]))
 
 
@@ -278,20 +280,10 @@ def _split_methods(path: Path) -> list[PairPoses | PairErrors]:
     """Read DGR's arrays (methods, pairs, 5): success, errors in m and degrees, seconds, scene."""
     arrays = read_arrays(path, ["stats", "names"], texts=True)
     stats, names = arrays["stats"], arrays["names"].tolist()
-    if stats.ndim != 3 or stats.shape[2] != 5 or len(names) != len(stats):
-        message = f"{path}: stats has shape {stats.shape}; DGR's is (methods, pairs, 5)"
+    if stats.ndim != 3 or stats.shape[::2] != (len(names), 5) or not np.isfinite(stats[..., 4]).all():
+        message = f"{path}: stats has shape {stats.shape}; DGR's is (methods, pairs, 5), the last the scene"
         raise InputError(message)
     no, unknown = np.zeros(stats.shape[1], dtype=bool), np.full(stats.shape[1], np.nan)
-    return [
-        PairErrors(
-            str(name),
-            [(str(int(scene)), -1, -1) for scene in s[:, 4]],
-            s[:, 2],
-            s[:, 1],
-            unknown,
-            no,
-            no,
-            unknown,
-        )
-        for name, s in zip(names, stats, strict=True)
-    ]
+    keys = [[(str(int(scene)), -1, -1) for scene in scenes] for scenes in stats[..., 4]]
+    rows = zip(map(str, names), keys, stats[..., 2], stats[..., 1], strict=True)
+    return [PairErrors(*row, unknown, no, no, unknown) for row in rows]

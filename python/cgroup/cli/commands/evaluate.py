@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,17 +15,11 @@ from cgroup.cli.command import command, make_app
 from cgroup.cli.options import option
 from cgroup.cli.show.json import Document
 from cgroup.cli.show.tables import UNKNOWN, Column, print_table, show_value
-from cgroup.cli.show.terminal import print_facts, print_line, print_prose, print_text
+from cgroup.cli.show.terminal import print_facts, print_prose, print_text
 from cgroup.errors import InputError
+from cgroup.evaluation import recall_protocols as protocols
 from cgroup.evaluation.paired_tests import holm, mcnemar
-from cgroup.evaluation.recall_protocols import (
-    Recall,
-    RecallProtocol,
-    protocol_names,
-    read_protocol,
-    refuse_inverses,
-    score_poses,
-)
+from cgroup.evaluation.recall_protocols import Recall, RecallProtocol
 from cgroup.evaluation.recalls import registration_recall
 from cgroup.evaluation.result_files import PairErrors, read_results, read_truth
 from cgroup.types import BoolArray
@@ -37,7 +31,8 @@ _FACTORS = tuple(k / 10 for k in range(1, 21))
 """By which limits are multiplied for the curve."""
 
 _COUNTS = ("right", "wrong", "refused", "missing")
-_LATEX = str.maketrans({"\\": r"\textbackslash{}", **{letter: f"\\{letter}" for letter in "&%$#_{}"}})
+_WORDS = ("result", "one", "other", "scene", "overlap", "limits x")  # others are columns of numbers
+_LATEX = str.maketrans({letter: f"\\{letter}" for letter in "&%$#_{}"} | {"\\": r"\textbackslash{}"})
 
 app = make_app()
 
@@ -46,58 +41,62 @@ def print_evaluation(
     document: Document, *, wide: bool, curve: bool = False, latex: bool = False, markdown: bool = False
 ) -> None:
     """Print results by every recall of a protocol, from their document; or its table for a paper."""
-
-    def show(columns: Sequence[str], rows: Sequence[Sequence[str]], texts: int = 1) -> None:
-        described = [Column(name, at < texts, max(0, at - texts)) for at, name in enumerate(columns)]
-        print_table(described, rows, wide=wide)
-        print_text("")
-
     done = document["results"]
-    names, titles = ([one["name"] for one in done[key]] for key in ("methods", "recalls"))
-    methods: dict[str, Document] = dict(zip(names, done["methods"], strict=True))
-    errors: dict[str, list[str]] = {}
-    for name, one in methods.items():
-        main = one["recalls"][done["main"]]
-        errors[name] = [show_value(main[key], ".4f") for key in ("rotation_deg", "translation")]
     if latex or markdown:
-        rows = [["result", *titles, "RRE", "RTE"]]
-        for name, one in methods.items():
-            shares = [_percent(each and each["recall"], 2) for each in one["recalls"]]
-            rows.append([name, *shares, *errors[name]])
+        rows = [["result", *(one["name"] for one in done["recalls"]), "RRE", "RTE"]]
+        rows += [[one["name"], *_show_recalls(one, done)] for one in done["methods"]]
         print_text(_as_latex(rows) if latex else _as_markdown(rows))
         return
-    scenes = list(dict.fromkeys(scene for one in done["methods"] for scene in one["scenes"]))
-    print_line(f"{done['protocol']}: {done['pairs']} pairs of {counted(len(scenes), 'scene')}; recalls in %")
-    show(["result", *titles], [[name, *map(_show_recall, one["recalls"])] for name, one in methods.items()])
-    print_line(f"By {titles[done['main']]}:")
-    rows = [[name, *(str(one[count]) for count in _COUNTS), *errors[name]] for name, one in methods.items()]
-    show(["result", *_COUNTS, "RRE deg", "RTE"], rows)
+    for heading, columns, rows in _tables(done, curve=curve):
+        print_prose(f"{heading}:")
+        described = [Column(name, name in _WORDS, max(0, at - 1)) for at, name in enumerate(columns)]
+        print_table(described, rows, wide=wide)
+        print_text("")
+    recalls = [f"{one['name']}: {one['criterion']}" for one in done["recalls"]]
+    told = {"recall": recalls, "note": done["notes"], "left open": done["left_open"]}
+    print_facts(*((word, sentence) for word, sentences in told.items() for sentence in sentences))
+
+
+def _tables(done: Document, *, curve: bool) -> Iterator[tuple[str, list[str], list[list[str]]]]:
+    """Yield heading, columns and rows of each table."""
+    methods: list[Document] = done["methods"]
+    names, titles = ([one["name"] for one in done[key]] for key in ("methods", "recalls"))
+    main, scenes = (
+        titles[done["main"]],
+        list(dict.fromkeys(scene for one in methods for scene in one["scenes"])),
+    )
+    heading = f"{done['protocol']}: {done['pairs']} pairs of {counted(len(scenes), 'scene')}; recalls in %"
+    shown = [[one["name"], *_show_recalls(one, done, intervals=True)] for one in methods]
+    yield heading, ["result", *titles], [row[:-2] for row in shown]
+    counts = [[one["name"], *(str(one[count]) for count in _COUNTS)] for one in methods]
+    rows = [[*row, *errors[-2:]] for row, errors in zip(counts, shown, strict=True)]
+    yield f"By {main}", ["result", *_COUNTS, "RRE deg", "RTE"], rows
     levels = [f"{low:g} to {high:g}" for low, high in itertools.pairwise(_OVERLAPS)]
-    tables = {"scenes": ("scene", scenes), "overlaps": ("overlap", levels)}
-    tables |= {"curve": ("limits x", [f"{factor:g}" for factor in _FACTORS])} if curve else {}
-    for key, (title, labels) in tables.items():
-        shares = [[*map(one[key].get, labels)] if key == "scenes" else one[key] for one in done["methods"]]
-        rows = [[label, *map(_percent, each)] for label, *each in zip(labels, *shares, strict=True)]
+    of_scenes = [[*map(one["scenes"].get, scenes)] for one in methods]
+    parts = [("scene", scenes, of_scenes), ("overlap", levels, [one["overlaps"] for one in methods])]
+    parts += [("limits x", [*map(str, _FACTORS)], [one["curve"] for one in methods])] if curve else []
+    for title, labels, shares in parts:
         if any(share is not None for each in shares for share in each):
-            show([title, *names], rows)
+            rows = [[label, *map(_percent, each)] for label, *each in zip(labels, *shares, strict=True)]
+            yield f"{main} by {title}", [title, *names], rows
     if done["tests"]:
-        tests = [[show_value(cell, ".2g") for cell in test.values()] for test in done["tests"]]
-        show(["one", "other", "only one", "only other", "p"], tests, 2)
-        print_prose("Pairs that only one registers; p of McNemar's exact test, adjusted by Holm.")
-    for recall in done["recalls"]:
-        print_prose(f"{recall['name']}: {recall['criterion']}", "  ")
-    told = (("note", done["notes"]), ("left open", done["left_open"]))
-    print_facts(*((word, sentence) for word, sentences in told for sentence in sentences))
+        rows = [[show_value(cell, ".2g") for cell in test.values()] for test in done["tests"]]
+        heading = "Pairs that only one registers, and p of McNemar's exact test, adjusted by Holm"
+        yield heading, ["one", "other", "only one", "only other", "p"], rows
 
 
 def _percent(share: float | None, digits: int = 1) -> str:
     return UNKNOWN if share is None else f"{100 * share:.{digits}f}"
 
 
-def _show_recall(scored: Document | None) -> str:
-    if scored is None:
-        return UNKNOWN
-    return f"{_percent(scored['recall'], 2)} [{_percent(scored['low'])}, {_percent(scored['high'])}]"
+def _show_recalls(method: Document, done: Document, *, intervals: bool = False) -> list[str]:
+    """Show the recalls of a result, and its errors by the main one."""
+    cells: list[str] = []
+    for one in method["recalls"]:
+        ends = f" [{_percent(one['low'])}, {_percent(one['high'])}]" if intervals and one else ""
+        cells.append(_percent(one and one["recall"], 2) + ends)
+    main = method["recalls"][done["main"]]
+    return [*cells, *(show_value(main[key], ".4f") for key in ("rotation_deg", "translation"))]
 
 
 def _as_markdown(rows: list[list[str]]) -> str:
@@ -125,7 +124,9 @@ def evaluate_command(
         "RESULT", "Folders of est.log, CSV, NPZ, TUM, KITTI, g2o, JSON of register and merge, DGR's arrays."
     ),
     *,
-    protocol: str = option(..., "NAME", f"{', '.join(protocol_names())}, or a .toml file.", "Truth"),
+    protocol: str = option(
+        ..., "NAME", f"{', '.join(protocols.protocol_names())}, or a .toml file.", "Truth"
+    ),
     truth: Path | None = option(
         None, "PATH", "True poses: a folder of gt.log by scene, or as results.", "Truth", "none"
     ),
@@ -138,7 +139,7 @@ def evaluate_command(
 
     Pairs are told by scene, target and source, in any order. A missing pair counts as not registered.
     """
-    by, known = read_protocol(protocol), None if truth is None else read_truth(truth)
+    by, known = protocols.read_protocol(protocol), None if truth is None else read_truth(truth)
     found: dict[str, PairErrors] = {}
     for name, path in zip(_names_of(results), results, strict=True):
         for one in read_results(path, known):
@@ -148,13 +149,11 @@ def evaluate_command(
                 message = f"--truth: is needed for the poses in {path}; give the true ones"
                 raise InputError(message)
             else:
-                found[name] = score_poses(known, one, inverse=inverse)
+                found[name] = protocols.score_poses(known, one, inverse=inverse)
                 if not inverse:
-                    refuse_inverses(known, one, found[name], _main_recall(by, found[name]))
-    return {
-        "inputs": [{"role": f"result {number}", "file": path} for number, path in enumerate(results, 1)],
-        "results": _evaluate(by, found),
-    }
+                    protocols.refuse_inverses(known, one, found[name], _main_recall(by, found[name]))
+    inputs = [{"role": f"result {number}", "file": path} for number, path in enumerate(results, 1)]
+    return {"inputs": inputs, "results": _evaluate(by, found)}
 
 
 def _names_of(paths: Sequence[Path]) -> list[str]:
@@ -185,10 +184,11 @@ def _evaluate(by: RecallProtocol, found: dict[str, PairErrors]) -> Document:
     right = {name: main.registered(one)[main.counted(one)] for name, one in found.items()}
     twos = [two for two in itertools.combinations(found, 2) if found[two[0]].keys == found[two[1]].keys]
     p = holm([mcnemar(right[one], right[other]) for one, other in twos])
-    tests: list[Document] = []
-    for (one, other), each in zip(twos, p, strict=True):
-        only = int((right[one] & ~right[other]).sum()), int((right[other] & ~right[one]).sum())
-        tests.append({"one": one, "other": other, "only_one": only[0], "only_other": only[1], "p": each})
+    only = [
+        (int((right[one] & ~right[other]).sum()), int((right[other] & ~right[one]).sum()))
+        for one, other in twos
+    ]
+    heads, tests = ("one", "other", "only_one", "only_other", "p"), zip(twos, only, p, strict=True)
     return {
         "protocol": by.title,
         "citation": by.citation,
@@ -196,7 +196,7 @@ def _evaluate(by: RecallProtocol, found: dict[str, PairErrors]) -> Document:
         "recalls": [{"name": one.name, "criterion": one.describe()} for one in by.recalls],
         "main": by.recalls.index(main),
         "methods": [_describe(name, one, by, main) for name, one in found.items()],
-        "tests": tests,
+        "tests": [dict(zip(heads, (*two, *counts, each), strict=True)) for two, counts, each in tests],
         "factors": _FACTORS,
         "notes": notes,
         "left_open": by.left_open,
@@ -208,16 +208,14 @@ def _describe(name: str, found: PairErrors, by: RecallProtocol, main: Recall) ->
     counts, right = main.counted(found), main.registered(found)
     scenes, levels = np.array([key[0] for key in found.keys]), np.digitize(found.overlap, _OVERLAPS[1:-1])
     levels[np.isnan(found.overlap)] = -1
+    kinds = (right, ~right & ~found.refused & ~found.missing, found.refused, found.missing)
 
     def share(chosen: BoolArray) -> float:
         return registration_recall(right[counts & chosen])
 
     return {
         "name": name,
-        "right": int((counts & right).sum()),
-        "wrong": int((counts & ~right & ~found.refused & ~found.missing).sum()),
-        "refused": int((counts & found.refused).sum()),
-        "missing": int((counts & found.missing).sum()),
+        **{kind: int((counts & rows).sum()) for kind, rows in zip(_COUNTS, kinds, strict=True)},
         "recalls": [one.score(found) for one in by.recalls],
         "scenes": {scene: share(scenes == scene) for scene in np.unique(scenes).tolist()},
         "overlaps": [share(levels == level) for level in range(len(_OVERLAPS) - 1)],
