@@ -370,6 +370,29 @@ def test_tables_for_papers(folder, capsys):
     assert latex[5].endswith(r" \\")
 
 
+def test_the_page_has_tables_curves_and_the_worst_poses(folder, capsys):
+    (folder / "<b>.csv").write_bytes((folder / "ours.csv").read_bytes())
+    page = folder / "page.html"
+    text = succeed(capsys, *asked(folder, "<b>.csv", "theirs"), "--html", page)
+    assert "wrote page.html to" in text
+    html = page.read_text()
+    assert "<td><b></td>" not in html
+    assert "<td>&lt;b&gt;</td>" in html
+    assert html.count('<figure class="chart"') == 1
+    assert "3DMatch: 30 pairs of 3 scenes; recalls in %" in html
+    documents = json.loads(succeed(capsys, *asked(folder), "--json"))["results"]["methods"]
+    ours, theirs = documents
+    assert len(ours["worst"]) == min(20, ours["wrong"]) > 0
+    assert theirs["worst"] == []
+    factors = [one["factor"] for one in ours["worst"]]
+    assert factors == sorted(factors, reverse=True)
+    assert min(factors) > 1
+    for one in ours["worst"]:
+        assert one["factor"] == pytest.approx(one["rmse"] / 0.2)
+        assert f"<td>{one['pair']}</td>" in html
+    assert "ends in .html" in fail(capsys, *asked(folder), "--html", folder / "page.txt")
+
+
 def test_saved_results_are_listed_and_shown(folder, capsys, monkeypatch):
     monkeypatch.setenv("CGROUP_RESULTS", str(folder / "saved"))
     succeed(capsys, *asked(folder), "--save", "mine")

@@ -26,7 +26,7 @@ else:
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from cgroup.types import BoolArray
+    from cgroup.types import BoolArray, FloatArray
 
 _RESAMPLES, _LEVEL = 10_000, 0.95
 _LIMITS = {"max_rotation": "rotation in deg", "max_translation": "translation", "max_rmse": "RMSE"}
@@ -87,13 +87,15 @@ class Recall:
         counts = self.counted(found)
         return bool(counts.any() and (self.max_rmse is None or not np.isnan(found.rmse[counts]).any()))
 
+    def excess(self, found: PairErrors) -> FloatArray:
+        """Return how many times its limits the errors of each pair are; NaN where one isn't known."""
+        errors = dict(zip(_LIMITS, (found.rotation, found.translation, found.rmse), strict=True))
+        return np.max([errors[name] / limit for name, limit in self._limits()], axis=0)
+
     def registered(self, found: PairErrors, factor: float = 1.0) -> BoolArray:
         """Tell which pairs are within the limits, times a factor."""
-        errors = dict(zip(_LIMITS, (found.rotation, found.translation, found.rmse), strict=True))
-        within = np.isfinite(found.rotation)
-        for name, limit in self._limits():
-            within &= errors[name] <= factor * limit if self.inclusive else errors[name] < factor * limit
-        return within
+        excess = self.excess(found)
+        return np.isfinite(excess) & (excess <= factor if self.inclusive else excess < factor)
 
     def score(self, found: PairErrors) -> dict[str, Any] | None:
         """Score results: the recall and its interval, errors of registered pairs, counts; None if unknown."""

@@ -133,7 +133,7 @@ def read_truth(path: Path) -> PairPoses:
 
 def show_pair(key: Key) -> str:
     """Name a pair as data sets do: scene/target-source."""
-    return escape(f"{key[0]}/{key[1]}-{key[2]}")
+    return escape(f"{key[0]}/{key[1]}-{key[2]}" if key[1] >= 0 else f"{key[0]}/?")
 
 
 def _files_of(path: Path, *, is_truth: bool) -> list[Path]:

@@ -13,15 +13,16 @@ from cgroup._show.words import counted
 from cgroup.cli import options
 from cgroup.cli.command import command, make_app
 from cgroup.cli.options import option
-from cgroup.cli.show.json import Document
+from cgroup.cli.show.json import Document, make_document
 from cgroup.cli.show.tables import UNKNOWN, Column, print_table, show_value
-from cgroup.cli.show.terminal import print_facts, print_prose, print_text
+from cgroup.cli.show.terminal import print_facts, print_files, print_prose, print_text
 from cgroup.errors import InputError
 from cgroup.evaluation import recall_protocols as protocols
 from cgroup.evaluation.paired_tests import holm, mcnemar
 from cgroup.evaluation.recall_protocols import Recall, RecallProtocol
 from cgroup.evaluation.recalls import registration_recall
-from cgroup.evaluation.result_files import PairErrors, read_results, read_truth
+from cgroup.evaluation.result_files import PairErrors, read_results, read_truth, show_pair
+from cgroup.io._files import written_path
 from cgroup.types import BoolArray
 
 _OVERLAPS = (0.0, 0.1, 0.3, 0.5, 0.7, 1.0)
@@ -31,6 +32,7 @@ _FACTORS = tuple(k / 10 for k in range(1, 21))
 """By which limits are multiplied for the curve."""
 
 _COUNTS = ("right", "wrong", "refused", "missing")
+_WORST = 20  # poses of a result that are listed
 _WORDS = ("result", "one", "other", "scene", "overlap", "limits x")  # others are columns of numbers
 _LATEX = str.maketrans({letter: f"\\{letter}" for letter in "&%$#_{}"} | {"\\": r"\textbackslash{}"})
 
@@ -52,9 +54,8 @@ def print_evaluation(
         described = [Column(name, name in _WORDS, max(0, at - 1)) for at, name in enumerate(columns)]
         print_table(described, rows, wide=wide)
         print_text("")
-    recalls = [f"{one['name']}: {one['criterion']}" for one in done["recalls"]]
-    told = {"recall": recalls, "note": done["notes"], "left open": done["left_open"]}
-    print_facts(*((word, sentence) for word, sentences in told.items() for sentence in sentences))
+    print_facts(*_facts(done))
+    print_files(document)
 
 
 def _tables(done: Document, *, curve: bool) -> Iterator[tuple[str, list[str], list[list[str]]]]:
@@ -83,6 +84,21 @@ def _tables(done: Document, *, curve: bool) -> Iterator[tuple[str, list[str], li
         rows = [[show_value(cell, ".2g") for cell in test.values()] for test in done["tests"]]
         heading = "Pairs that only one registers, and p of McNemar's exact test, adjusted by Holm"
         yield heading, ["one", "other", "only one", "only other", "p"], rows
+
+
+def _worst(done: Document) -> tuple[str, list[str], list[list[str]]]:
+    rows = [
+        [one["name"], *map(show_value, pair.values())] for one in done["methods"] for pair in one["worst"]
+    ]
+    heading = f"Worst poses by {done['recalls'][done['main']]['name']}: {_WORST} of each result at most"
+    return heading, ["result", "pair", "overlap", "limits x", "RRE deg", "RTE", "RMSE"], rows
+
+
+def _facts(done: Document) -> list[tuple[str, str]]:
+    """List what the recalls are, what is to be noted, and what the protocol leaves open."""
+    recalls = [f"{one['name']}: {one['criterion']}" for one in done["recalls"]]
+    told = {"recall": recalls, "note": done["notes"], "left open": done["left_open"]}
+    return [(word, sentence) for word, sentences in told.items() for sentence in sentences]
 
 
 def _percent(share: float | None, digits: int = 1) -> str:
@@ -134,6 +150,7 @@ def evaluate_command(
     curve: bool = options.flag("--curve", "Show the recall at 0.1 to 2 times the limits too."),  # noqa: ARG001
     latex: bool = options.flag("--latex", "Print the table of recalls as LaTeX."),  # noqa: ARG001 - for `show`
     markdown: bool = options.flag("--markdown", "Print the table of recalls as Markdown."),  # noqa: ARG001
+    html: Path | None = option(None, "FILE", "Write a page for the browser too.", options.OUTPUT),
 ) -> Document:
     """Score registration results of any tool by every recall that a protocol has.
 
@@ -152,8 +169,17 @@ def evaluate_command(
                 found[name] = protocols.score_poses(known, one, inverse=inverse)
                 if not inverse:
                     protocols.refuse_inverses(known, one, found[name], _main_recall(by, found[name]))
+    done = make_document("evaluate", results=_evaluate(by, found))["results"]
+    if html is not None:
+        from cgroup.pages.evaluation import evaluation_page  # noqa: PLC0415 - slow to load
+        from cgroup.pages.page import write_page  # noqa: PLC0415
+
+        curves = {one["name"]: one["curve"] for one in done["methods"]}
+        tables = [*_tables(done, curve=False), _worst(done)]
+        page = evaluation_page(by.title, tables, _FACTORS, curves, _facts(done))
+        write_page(written_path(html, "pages", ".html"), page)
     inputs = [{"role": f"result {number}", "file": path} for number, path in enumerate(results, 1)]
-    return {"inputs": inputs, "results": _evaluate(by, found)}
+    return {"inputs": inputs, "results": done, "files": [html] if html else []}
 
 
 def _names_of(paths: Sequence[Path]) -> list[str]:
@@ -210,6 +236,11 @@ def _describe(name: str, found: PairErrors, by: RecallProtocol, main: Recall) ->
     levels[np.isnan(found.overlap)] = -1
     kinds = (right, ~right & ~found.refused & ~found.missing, found.refused, found.missing)
 
+    excess = main.excess(found)
+    rows = np.flatnonzero(counts & ~right & np.isfinite(excess))
+    told = {"overlap": found.overlap, "factor": excess, "rotation_deg": found.rotation}
+    told |= {"translation": found.translation, "rmse": found.rmse}
+
     def share(chosen: BoolArray) -> float:
         return registration_recall(right[counts & chosen])
 
@@ -219,5 +250,9 @@ def _describe(name: str, found: PairErrors, by: RecallProtocol, main: Recall) ->
         "recalls": [one.score(found) for one in by.recalls],
         "scenes": {scene: share(scenes == scene) for scene in np.unique(scenes).tolist()},
         "overlaps": [share(levels == level) for level in range(len(_OVERLAPS) - 1)],
+        "worst": [
+            {"pair": show_pair(found.keys[row]), **{key: float(each[row]) for key, each in told.items()}}
+            for row in rows[np.argsort(-excess[rows])][:_WORST].tolist()
+        ],
         "curve": [registration_recall(main.registered(found, factor)[counts]) for factor in _FACTORS],
     }
