@@ -13,6 +13,9 @@ from hypothesis import strategies as st
 from scipy import stats
 from shared_data import data_folder
 
+from benchmark_runs import serial
+from cgroup.benchmark import tables
+from cgroup.benchmark.report.pose_files import write_poses
 from cgroup.datasets.generated.shapes import random_pose
 from cgroup.errors import InputError
 from cgroup.evaluation import within
@@ -604,3 +607,33 @@ def test_mcnemar_is_the_binomial_test(one, other):
     first, second = np.arange(one + other) < one, np.arange(one + other) >= one
     expected = stats.binomtest(one, one + other).pvalue if one + other else 1.0
     assert mcnemar(first, second) == pytest.approx(expected, rel=1e-9)
+
+
+def test_poses_of_the_benchmark_are_results(tmp_path):
+    text = """
+name = "few"
+[trials]
+methods = ["lc", "sc2pcr"]
+[[trials.sets]]
+id = "3DMatch"
+dataset = "3dmatch-test"
+matches = "nearest, unit length"
+voxel = 0.05
+loose = "3dmatch"
+strict = "3dmatch-strict"
+preset = "3dmatch"
+pairs = 4
+"""
+    serial(text, tmp_path, root=data_folder("threedmatch"))
+    assert write_poses(tmp_path)
+    rows = tables.load(tmp_path, "matches")
+    truth = read_truth(tmp_path / "poses/3DMatch/truth")
+    for method in ("lc", "sc2pcr"):
+        (found,) = read_results(tmp_path / "poses/3DMatch" / method, truth)
+        assert isinstance(found, PairPoses)
+        by = read_protocol("3dmatch")
+        errors = score_poses(truth, found)
+        right = next(one for one in by.recalls if one.is_known(errors)).registered(errors)
+        own = rows[rows["method"] == method]
+        assert sorted(right.tolist()) == sorted(own["right"].tolist())
+        np.testing.assert_allclose(sorted(errors.translation), sorted(own["translation_error"]), atol=1e-6)

@@ -146,6 +146,7 @@ WRONG_CALLS: dict[str, list[Callable[[Any], Any]]] = {
     ],
     "cgroup.benchmark.tables.exponents": [given(pd.DataFrame())],
     "cgroup.benchmark.tables.load_groups": [given(NOWHERE, "nonsense")],
+    "cgroup.benchmark.tables.load_poses": [given(NOWHERE)],
     "cgroup.benchmark.tables.load": [given(NOWHERE)],
     "cgroup.scenes.PoseGraph": [given([np.ones((4, 4))], [], [], [])],
     "cgroup.scenes.PoseGraph.read": [given(PoseGraph, NOWHERE)],

@@ -227,7 +227,8 @@ def _load_clouds(
             numbers["nees"] = none_unless_finite(float(error @ np.linalg.solve(answer.covariance, error)))
         return pose, numbers, seconds
 
-    return {"voxel": given.voxel, "pr": pr, "overlap": loaded.overlap}, solve
+    known = {"voxel": given.voxel, "pr": pr, "overlap": loaded.overlap, "truth": _as_list(loaded.truth)}
+    return known, solve
 
 
 def _load_scans(
@@ -264,10 +265,12 @@ def try_method(
             return result(skipped=f"needs {field}, which these matches lack")
     try:
         grouping, seconds, mebibytes = _measure(method, problem.matches, seed, threads)
-        numbers = describe_matches(problem) | _judge(grouping, problem) | {"mebibytes": mebibytes}
+        pose, judged = _judge(grouping, problem)
+        numbers = describe_matches(problem) | judged | {"mebibytes": mebibytes}
     except Exception as error:  # noqa: BLE001 - whatever it is concerns this problem and method alone
         return result(error=describe_error(error))
-    return result(seconds=seconds, numbers=json.dumps(numbers))
+    kept = None if pose is None else floats_as_bytes(pose)
+    return result(seconds=seconds, pose=kept, numbers=json.dumps(numbers))
 
 
 def describe_matches(problem: PreparedMatches) -> dict[str, Any]:
@@ -278,7 +281,12 @@ def describe_matches(problem: PreparedMatches) -> dict[str, Any]:
         "resolution": problem.resolution,
         "pr": problem.pr,
         "overlap": problem.overlap,
+        "truth": _as_list(problem.truth),
     }
+
+
+def _as_list(pose: FloatArray | None) -> list[list[float]] | None:
+    return None if pose is None else pose.tolist()
 
 
 def _measure(
@@ -302,7 +310,7 @@ def _measure(
     return grouping, float(np.median(further or [first])), taken
 
 
-def _judge(grouping: Grouping, problem: PreparedMatches) -> dict[str, Any]:
+def _judge(grouping: Grouping, problem: PreparedMatches) -> tuple[FloatArray | None, dict[str, Any]]:
     score = score_group(grouping.mask, problem.correct)
     poses = group_poses(grouping)
     pose = grouping.model if grouping.model is not None else next(iter(poses), None)
@@ -310,7 +318,7 @@ def _judge(grouping: Grouping, problem: PreparedMatches) -> dict[str, Any]:
     offered = [_name_errors(each, *truth, "best_") for each in poses]
     known = [each for each in offered if each.get("best_rmse_pr") is not None]
     best = min(known, key=lambda each: each["best_rmse_pr"] or 0.0, default={})
-    return {
+    return pose, {
         "selected": score.selected,
         "selected_correct": score.selected_correct,
         "posed": pose is not None,

@@ -38,6 +38,7 @@ __all__ = [
     "exponents",
     "load",
     "load_groups",
+    "load_poses",
 ]
 
 FITTED_FROM = 2000
@@ -71,6 +72,14 @@ from plan_sets e join plan_problems q using (entry) join plan_solvers l using (e
     join problems p on p.key = q.problem join solvers s on s.key = l.solver
 where e.task = ?
 order by e.entry, l.place, {order}
+"""
+
+_POSES = """
+select distinct e.id, l.label, p.dataset, p.pair, r.pose, json_extract(r.numbers, '$.truth')
+from plan_sets e join plan_problems q using (entry) join plan_solvers l using (entry)
+    join results r on r.problem = q.problem and r.solver = l.solver join problems p on p.key = q.problem
+where e.task in ('matches', 'registration') and r.error = '' and r.skipped = ''
+order by e.entry, l.place, q.place
 """
 
 _FLOATS = ("level", "nms_radius", "voxel", "seconds", *_ERRORS)
@@ -507,6 +516,49 @@ def exponents(timing: pd.DataFrame, *, threads: int = 1, least: int = FITTED_FRO
     medians = [(method, of_sets[method]) for method in kept["method"].unique()]
     rows = [(method, fit_exponent(list(times.index), list(times)), len(times)) for method, times in medians]
     return pd.DataFrame(rows, columns=["method", "exponent", "sizes"])
+
+
+def load_poses(path: Path) -> list[tuple[str, str, str, str, FloatArray | None, FloatArray | None]]:
+    """Read the poses that a run has found of pairs.
+
+    Parameters
+    ----------
+    path : path
+        Folder of the run, or the file of records in it.
+
+    Returns
+    -------
+    list of tuple
+        Set, method, data set and pair; the pose found (4,4), which maps source into target, and the true one,
+        None for none. Of trials and of registrations.
+
+    Raises
+    ------
+    InputError
+        If there are no records.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from cgroup.benchmark.config import Config
+    >>> from cgroup.benchmark.run import run
+    >>> from cgroup.benchmark.tables import load_poses
+    >>> few = {"id": "few", "dataset": "generated-matches", "pairs": 1}
+    >>> config = Config(name="mine", trials={"methods": ["lc"], "sets": [few]})
+    >>> _ = run(config, Path("poses"), backend="threading")
+    >>> [(*names, pose.shape) for *names, pose, _ in load_poses(Path("poses"))]
+    [('few', 'lc', 'generated-matches', 'planes/n1000/inliers0.02/noise1.5/good-frames/0', (4, 4))]
+    """
+    with _open_records(path) as connection:
+        rows = connection.execute(_POSES).fetchall()
+    return [
+        (
+            *names,
+            None if pose is None else floats_from_bytes(pose, (4, 4)),
+            None if truth is None else np.array(json.loads(truth)),
+        )
+        for *names, pose, truth in rows
+    ]
 
 
 # --- the file --------------------------------------------------------------------------------------

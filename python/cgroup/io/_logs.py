@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cgroup.errors import InputError
-from cgroup.io._files import load_text
+from cgroup.io._files import load_text, number_lines
 from cgroup.rigid import check_rigid
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from cgroup.types import FloatArray
+    from cgroup.types import FloatArray, IndexArray
 
 
 def read_log(path: Path) -> dict[tuple[int, int], FloatArray]:
@@ -45,3 +45,11 @@ def read_matrices(
         message = f"{path}: lists a pair twice; give each pair once"
         raise InputError(message)
     return found
+
+
+def format_log(pairs: IndexArray, poses: FloatArray) -> str:
+    """Write poses of pairs (n,2), exact to the last bit; some readers split lines at tabs only."""
+    count = int(pairs.max(initial=-1)) + 1
+    blocks = zip(pairs.tolist(), map(number_lines, poses), strict=True)
+    lines = [line for (i, j), rows in blocks for line in (f"{i} {j} {count}", *rows)]
+    return "".join(f"{line}\n" for line in lines).replace(" ", "\t")

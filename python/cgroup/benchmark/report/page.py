@@ -17,6 +17,7 @@ from cgroup.benchmark.paper.claims import CRITERIA, RESAMPLES, check_evidence
 from cgroup.benchmark.paper.evidence import Evidence
 from cgroup.benchmark.paper.verdicts import as_markdown, count_verdicts
 from cgroup.benchmark.report.pictures import PictureBook
+from cgroup.benchmark.report.pose_files import write_poses
 from cgroup.benchmark.report.registration import make_registration_section
 from cgroup.benchmark.report.scenes import make_scene_section
 from cgroup.benchmark.report.sections import (
@@ -103,7 +104,8 @@ def write_report(
     Parameters
     ----------
     out : path
-        Folder of the run. Gets ``report.html``, ``claims.md`` and ``figures/*.png|pdf``.
+        Folder of the run. Gets ``report.html``, ``claims.md`` and ``figures/*.png|pdf``; and poses of 3DMatch
+        and KITTI, if there are any, as ``poses/SET/METHOD/SCENE/est.log``.
     root : path, optional
         Folder with the data, for pictures of a few pairs; the environment says by default. Pairs that
         aren't there are left out.
@@ -141,6 +143,7 @@ def write_report(
     tell(f"checking claims on {RESAMPLES} resamples")
     verdicts = check_evidence(evidence, resamples=RESAMPLES)
     write_file(out / CLAIMS, as_markdown(verdicts).encode())
+    write_poses(out)
     tell("ranking over all pairs")
     standings = make_standings(data.frame, data.trials, data.registrations)
     shown = verdicts if any(verdict.verdict != "not testable" for verdict in verdicts) else []
