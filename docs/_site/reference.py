@@ -129,7 +129,10 @@ GROUPS: dict[str, dict[str, str]] = {
         "What a configuration holds": "Config",
     },
     "cgroup.benchmark.run": {"Running": "run Summary"},
-    "cgroup.benchmark.tables": {"Results": "load load_groups load_poses", "Means": "aggregate exponents FITTED_FROM"},
+    "cgroup.benchmark.tables": {
+        "Results": "load load_groups load_poses",
+        "Means": "aggregate exponents FITTED_FROM",
+    },
     "cgroup.benchmark.report": {"Report": "write_report"},
     "cgroup.benchmark.stats": {
         "Ranking on a set of problems": "rank_methods Rank",
