@@ -130,7 +130,7 @@ GROUPS: dict[str, dict[str, str]] = {
     },
     "cgroup.benchmark.run": {"Running": "run Summary"},
     "cgroup.benchmark.tables": {
-        "Results": "load load_groups load_poses",
+        "Results": "load load_groups load_poses PairPose",
         "Means": "aggregate exponents FITTED_FROM",
     },
     "cgroup.benchmark.report": {"Report": "write_report"},

@@ -106,6 +106,7 @@ def results(frame: pd.DataFrame, timing: pd.DataFrame, **changes: object) -> rep
         "registrations": pd.DataFrame(),
         "scenes": pd.DataFrame(),
         "trials": pd.DataFrame(),
+        "poses": [],
     }
     return report.ReportData(**(fields | changes))
 

@@ -9,7 +9,7 @@ import os
 import sqlite3
 from contextlib import closing, contextmanager
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "FITTED_FROM",
+    "PairPose",
     "aggregate",
     "exponents",
     "load",
@@ -518,8 +519,33 @@ def exponents(timing: pd.DataFrame, *, threads: int = 1, least: int = FITTED_FRO
     return pd.DataFrame(rows, columns=["method", "exponent", "sizes"])
 
 
-def load_poses(path: Path) -> list[tuple[str, str, str, str, FloatArray | None, FloatArray | None]]:
-    """Read the poses that a run has found of pairs.
+class PairPose(NamedTuple):
+    """What a method of a set has found of a pair of a data set.
+
+    Attributes
+    ----------
+    set_id, method, dataset, pair : str
+        Their names.
+    found, true : (4,4) array of float64 or None
+        Poses, which map source into target; None for none.
+
+    Examples
+    --------
+    >>> from cgroup.benchmark.tables import PairPose
+    >>> PairPose("KITTI", "lc", "kitti", "08/15-58", None, None).pair
+    '08/15-58'
+    """
+
+    set_id: str
+    method: str
+    dataset: str
+    pair: str
+    found: FloatArray | None
+    true: FloatArray | None
+
+
+def load_poses(path: Path) -> list[PairPose]:
+    """Read the poses that trials and registrations have found of pairs.
 
     Parameters
     ----------
@@ -528,9 +554,8 @@ def load_poses(path: Path) -> list[tuple[str, str, str, str, FloatArray | None, 
 
     Returns
     -------
-    list of tuple
-        Set, method, data set and pair; the pose found (4,4), which maps source into target, and the true one,
-        None for none. Of trials and of registrations.
+    list of PairPose
+        By set, method and pair.
 
     Raises
     ------
@@ -546,18 +571,21 @@ def load_poses(path: Path) -> list[tuple[str, str, str, str, FloatArray | None, 
     >>> few = {"id": "few", "dataset": "generated-matches", "pairs": 1}
     >>> config = Config(name="mine", trials={"methods": ["lc"], "sets": [few]})
     >>> _ = run(config, Path("poses"), backend="threading")
-    >>> [(*names, pose.shape) for *names, pose, _ in load_poses(Path("poses"))]
-    [('few', 'lc', 'generated-matches', 'planes/n1000/inliers0.02/noise1.5/good-frames/0', (4, 4))]
+    >>> [(one.set_id, one.method, one.found.shape) for one in load_poses(Path("poses"))]
+    [('few', 'lc', (4, 4))]
     """
     with _open_records(path) as connection:
         rows = connection.execute(_POSES).fetchall()
     return [
-        (
-            *names,
-            None if pose is None else floats_from_bytes(pose, (4, 4)),
-            None if truth is None else np.array(json.loads(truth)),
+        PairPose(
+            set_id,
+            method,
+            dataset,
+            pair,
+            None if found is None else floats_from_bytes(found, (4, 4)),
+            None if true is None else np.array(json.loads(true)),
         )
-        for *names, pose, truth in rows
+        for set_id, method, dataset, pair, found, true in rows
     ]
 
 

@@ -41,8 +41,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from cgroup.benchmark.paper.claims import Verdict
+    from cgroup.benchmark.tables import PairPose
 
-REPORT, CLAIMS, FIGURES = "report.html", "claims.md", "figures"
+REPORT, CLAIMS, FIGURES, POSES = "report.html", "claims.md", "figures", "poses"
 """What `write_report` leaves in the run's folder."""
 
 
@@ -66,6 +67,8 @@ class ReportData:
         How many scans were registered.
     trials : DataFrame
         How methods grouped matches, each alone.
+    poses : list of PairPose
+        Poses that both found of pairs.
     """
 
     frame: pd.DataFrame
@@ -78,6 +81,7 @@ class ReportData:
     registrations: pd.DataFrame
     scenes: pd.DataFrame
     trials: pd.DataFrame
+    poses: list[PairPose]
 
     @classmethod
     def load(cls, out: Path) -> ReportData:
@@ -93,6 +97,7 @@ class ReportData:
             tables.load(out, "registration"),
             tables.load(out, "scenes"),
             tables.load(out, "matches"),
+            tables.load_poses(out),
         )
 
 
@@ -143,7 +148,7 @@ def write_report(
     tell(f"checking claims on {RESAMPLES} resamples")
     verdicts = check_evidence(evidence, resamples=RESAMPLES)
     write_file(out / CLAIMS, as_markdown(verdicts).encode())
-    write_poses(out)
+    write_poses(out / POSES, data.poses)
     tell("ranking over all pairs")
     standings = make_standings(data.frame, data.trials, data.registrations)
     shown = verdicts if any(verdict.verdict != "not testable" for verdict in verdicts) else []

@@ -10,40 +10,41 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cgroup.benchmark import tables
 from cgroup.io import write_file
 from cgroup.io._logs import format_log
 from cgroup.io._results import make_folder
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
     from pathlib import Path
 
+    from cgroup.benchmark.tables import PairPose
     from cgroup.types import FloatArray
 
-POSES, TRUTH = "poses", "truth"
-"""Folder of a run for them, and that of the true ones in a set's."""
+TRUTH = "truth"
+"""Folder of the true poses, beside those of the methods."""
 
 _SOURCE_FIRST = {"3dmatch-test": False, "3dlomatch-test": False, "kitti": True}
 """Data sets whose pairs are named by a scene and the numbers of two clouds, and their order."""
 
 
-def write_poses(out: Path) -> bool:
-    """Write the poses of a run, of pairs with numbers; tell whether there are any."""
-    found: dict[Path, dict[tuple[int, int], FloatArray]] = defaultdict(dict)
-    for set_id, method, dataset, pair, pose, truth in tables.load_poses(out):
-        if dataset not in _SOURCE_FIRST:
+def write_poses(out: Path, poses: Iterable[PairPose]) -> None:
+    """Write poses of pairs whose clouds have numbers."""
+    logs: dict[Path, dict[tuple[int, int], FloatArray]] = defaultdict(dict)
+    for one in poses:
+        if one.dataset not in _SOURCE_FIRST:
             continue
-        *_, scene, numbers = pair.split("/")
+        *_, scene, numbers = one.pair.split("/")
         first, second = (int(number) for number in numbers.split("-"))
-        clouds = (second, first) if _SOURCE_FIRST[dataset] else (first, second)
-        folder = out / POSES / _name_folder(set_id)
-        for name, file, matrix in ((_name_folder(method), "est.log", pose), (TRUTH, "gt.log", truth)):
-            if matrix is not None:
-                found[folder / name / scene / file][clouds] = matrix
-    for path, poses in found.items():
+        clouds = (second, first) if _SOURCE_FIRST[one.dataset] else (first, second)
+        folder = out / _name_folder(one.set_id)
+        if one.found is not None:
+            logs[folder / _name_folder(one.method) / scene / "est.log"][clouds] = one.found
+        if one.true is not None:
+            logs[folder / TRUTH / scene / "gt.log"][clouds] = one.true
+    for path, log in logs.items():
         make_folder(path.parent)
-        write_file(path, format_log(np.array(list(poses)), np.array(list(poses.values()))).encode())
-    return bool(found)
+        write_file(path, format_log(np.array(list(log)), np.array(list(log.values()))).encode())
 
 
 def _name_folder(label: str) -> str:
