@@ -34,7 +34,7 @@ False alarms of a pose: n^3 / 6 P(Poisson(lambda k' / k) >= k' - 3), k the suppo
 one is dropped that has a kept one within 7 u on either side (until 200 are kept; k counts those looked at), lambda the mean
 number of targets within 5 u of the 1,000 source points as the pose lays them, at least k / n. Infinite where a motion onto the
 target mirrored at x = 0 has more than 0.9 times the k' of the best, after 5 rounds of refinement: one that fits the supporters
-of one of the ten best poses, or of the cliques of the 100 heaviest edges the one with the greatest score.
+of one of the ten best poses, or, without a tolerance, of the cliques of the 100 heaviest edges the one with the greatest score.
 
 Without a tolerance: all of this with u = 1 pr, and until the number of false alarms times the 5 tolerances there are is below 0.01, with u
 twice as large, half, 4 times, a quarter; without a resolution u = 0.8 / 3 of the lesser of both sides' mean distance of
@@ -159,7 +159,7 @@ def lc(
     rows = None if ratio is None else as_rows(ratio)
 
     def look(length: float) -> Attempt:
-        return attempt(p_raw, q_raw, rows, turns, length / 3.0, modes)
+        return attempt(p_raw, q_raw, rows, turns, length / 3.0, modes, 0 if tolerance else MIRRORED_EDGES)
 
     lengths = [tolerance] if tolerance is not None else tolerances(p_raw, q_raw, resolution)
     found = look(lengths[0])
@@ -225,7 +225,13 @@ class Attempt(NamedTuple):
 
 
 def attempt(
-    p_raw: FloatArray, q_raw: FloatArray, ratio: FloatArray | None, turns: FloatArray, unit: float, modes: int
+    p_raw: FloatArray,
+    q_raw: FloatArray,
+    ratio: FloatArray | None,
+    turns: FloatArray,
+    unit: float,
+    modes: int,
+    mirrored_edges: int,
 ) -> Attempt:
     p, q = centred(p_raw) / unit, centred(q_raw) / unit
     model = Model(p, q, levels(p, q, ratio))
@@ -238,7 +244,7 @@ def attempt(
     if np.isfinite(turns).any():
         counted, ranked = with_frames((model, ranked), turns, hypotheses, kept, modes)
     expected = np.inf
-    mirrored = [kept[clique] for clique in cliques(joined[np.ix_(kept, kept)], MIRRORED_EDGES)]
+    mirrored = [kept[clique] for clique in cliques(joined[np.ix_(kept, kept)], mirrored_edges)]
     if ranked and not equalled(model, ranked, mirrored):
         expected = alarms(model, ranked[0], np.zeros(len(p), dtype=bool))
     return Attempt(unit, model, counted, ranked, len(hypotheses), expected)

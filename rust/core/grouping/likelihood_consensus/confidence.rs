@@ -40,7 +40,8 @@ pub struct Judge<'a> {
 
 impl Judge<'_> {
     /// Number of false alarms of the best pose; infinite without one, or where a reflection equals it.
-    pub fn expected(&self, ranked: &[Ranked], joined: &Joined) -> Result<f64> {
+    /// Reflections of cliques are looked at where they are given, as one of several tolerances may miss the best pose's.
+    pub fn expected(&self, ranked: &[Ranked], joined: Option<&Joined>) -> Result<f64> {
         match ranked.first() {
             Some(best) if !self.is_equalled_by_a_reflection(ranked, joined)? => self.false_alarms(best, &[]),
             _ => Ok(f64::INFINITY),
@@ -106,7 +107,7 @@ impl Judge<'_> {
 
     /// Whether a motion onto the mirrored target has about as many independent supporters as the best pose: the mirror image
     /// of one of the best poses, or the best motion of cliques.
-    fn is_equalled_by_a_reflection(&self, ranked: &[Ranked], joined: &Joined) -> Result<bool> {
+    fn is_equalled_by_a_reflection(&self, ranked: &[Ranked], joined: Option<&Joined>) -> Result<bool> {
         let Problem { source, target, execution, .. } = *self.problem;
         let mirrored = target.mirrored()?;
         let likelihood = self.likelihood.between(source, &mirrored)?;
@@ -124,6 +125,7 @@ impl Judge<'_> {
                 return Ok(true);
             }
         }
+        let Some(joined) = joined else { return Ok(false) };
         let poses = self.problem.cliques(joined, &mirrored, MIRRORED_SEEDS)?;
         let scores = memory::collect(poses.iter().map(|pose| likelihood.support(pose).score))?;
         let Some(&best) = largest(&scores, 1)?.first() else { return Ok(false) };

@@ -175,7 +175,7 @@ impl LikelihoodConsensus {
         if let Some(rotations) = &rotations {
             answer = frames::with_frames(&judge, answer, rotations, &joined, &cliques)?;
         }
-        let false_alarms = judge.expected(&answer.ranked, &joined)?;
+        let false_alarms = judge.expected(&answer.ranked, self.tolerance.is_none().then_some(&joined))?;
         let (hypotheses, vertices) = (cliques.len(), joined.vertices.len());
         Ok(Attempt { problem, likelihood, answer, hypotheses, vertices, false_alarms })
     }
