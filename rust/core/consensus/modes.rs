@@ -17,9 +17,11 @@ use crate::selection::top_k::largest;
 /// Rounds of refinement before a mode's supporters are taken out.
 const FIRST_ROUNDS: usize = 4;
 
-/// Rounds of the last refinement, and the multiple of the deviation that it starts from.
+/// Rounds of the last refinement.
 const LAST_ROUNDS: usize = 10;
-const LAST_START: f64 = 1.6;
+
+/// The multiple of the deviation that annealing starts from.
+const ANNEALED_FROM: f64 = 1.6;
 
 /// Fewer supporters make no mode.
 const LEAST_SUPPORTERS: usize = 3;
@@ -71,19 +73,23 @@ pub fn find_modes(
 ) -> Result<Vec<Mode>> {
     let poses = peel(likelihood, hypotheses, most, execution)?;
     let deviation = likelihood.deviation();
-    let annealed = |step: usize| {
-        let progress = step as f64 / (LAST_ROUNDS - 1) as f64;
-        deviation * (LAST_START + (1.0 - LAST_START) * progress)
-    };
     let finish = |pose: &Rigid| {
         execution.check()?;
-        let pose = likelihood.refined(pose, (0..LAST_ROUNDS).map(annealed))?;
+        let pose = likelihood.refined(pose, annealed(deviation, LAST_ROUNDS))?;
         Ok(Some(Mode { pose, support: likelihood.support(&pose) }))
     };
     let modes = memory::par_try_collect(poses.par_iter().map(finish))?;
     let modes = memory::collect(modes.into_iter().flatten())?;
     let order = largest(&memory::collect(modes.iter().map(|mode| mode.support.score))?, modes.len())?;
     distinct(order.into_iter().map(|k| modes[k]), source, tolerance)
+}
+
+/// The deviations of so many rounds of refinement, from a multiple of the deviation down to it.
+pub fn annealed(deviation: f64, rounds: usize) -> impl Iterator<Item = f64> {
+    (0..rounds).map(move |round| {
+        let progress = round as f64 / (rounds - 1) as f64;
+        deviation * (ANNEALED_FROM + (1.0 - ANNEALED_FROM) * progress)
+    })
 }
 
 /// Takes the best hypothesis, refines it, takes its supporters out, and so on. Scores are brought up to date

@@ -68,7 +68,7 @@ class ReportData:
     trials : DataFrame
         How methods grouped matches, each alone.
     poses : list of PairPose
-        Poses that both found of pairs.
+        Poses that trials and registrations have found of pairs.
     """
 
     frame: pd.DataFrame

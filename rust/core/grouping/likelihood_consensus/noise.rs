@@ -9,10 +9,11 @@ use super::{DEVIATION, GROUP, Problem};
 use crate::consensus::false_alarms::{independent, ln_false_alarms};
 use crate::consensus::landing::landings;
 use crate::consensus::likelihood::Likelihood;
+use crate::consensus::modes::annealed;
 use crate::geometry::neighbors::NearestNeighbors;
-use crate::geometry::resolution::nearest_distances;
+use crate::geometry::resolution::mean_nearest_distance;
 use crate::geometry::rigid::Rigid;
-use crate::{Correspondences, Execution, Points, Result, memory};
+use crate::{Correspondences, Error, Execution, Points, Result, memory};
 use rayon::prelude::*;
 
 /// The tolerance that is tried first, in mean distances of neighbouring points.
@@ -24,9 +25,8 @@ const MOST_STEPS: i32 = 8;
 /// Radii on both sides of the best that have to be worse.
 const WORSE: i32 = 2;
 
-/// Rounds of refinement, and the multiple of the deviation that it starts from.
+/// Rounds of refinement.
 const ROUNDS: usize = 5;
-const START: f64 = 1.6;
 
 /// A tolerance that suits matches as far apart as these are; any where all points of a side coincide.
 pub fn likely_tolerance(correspondences: &Correspondences, execution: &Execution) -> Result<f64> {
@@ -37,11 +37,10 @@ pub fn likely_tolerance(correspondences: &Correspondences, execution: &Execution
 
 /// Mean distance of points from their nearest other one; infinite where there is none.
 fn spacing(points: &Points, execution: &Execution) -> Result<f64> {
-    let distances = nearest_distances(&NearestNeighbors::new(points, execution)?, execution)?;
-    let apart = |distance: &&f64| **distance > 0.0 && distance.is_finite();
-    let count = distances.iter().filter(apart).count();
-    let sum: f64 = distances.iter().filter(apart).sum();
-    Ok(if count > 0 { sum / count as f64 } else { f64::INFINITY })
+    match mean_nearest_distance(&NearestNeighbors::new(points, execution)?, true, execution) {
+        Err(Error::InvalidInput { .. }) => Ok(f64::INFINITY),
+        found => found,
+    }
 }
 
 /// The pose refined by the noise under it, and that: the standard deviation of right correspondences.
@@ -82,11 +81,7 @@ impl Trial {
         execution.check()?;
         let radius = problem.group_radius() * (f64::from(step) / STEPS_PER_OCTAVE).exp2();
         let deviation = radius * DEVIATION / GROUP;
-        let annealed = |round: usize| {
-            let progress = round as f64 / (ROUNDS - 1) as f64;
-            deviation * (START + (1.0 - START) * progress)
-        };
-        let pose = likelihood.refined(pose, (0..ROUNDS).map(annealed))?;
+        let pose = likelihood.refined(pose, annealed(deviation, ROUNDS))?;
         let squares = likelihood.squared_residuals(&pose)?;
         let supporters = memory::collect((0..squares.len()).filter(|&i| squares[i] <= radius * radius))?;
         let n = squares.len();
