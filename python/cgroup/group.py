@@ -58,7 +58,8 @@ def group(
         "legacy_header"; "3dmatch" and "kitti", published constants in metres.
     **options
         Options of the method by their names, such as ``tolerance=0.1``; they win over the preset's.
-        ``tolerance="auto"`` estimates the resolution by `lc`, from the matches alone.
+        ``tolerance="auto"`` estimates the resolution by `lc`, from the matches alone; for `lc` itself it
+        means no tolerance.
 
     Returns
     -------
@@ -96,8 +97,9 @@ def group(
     defaults = _defaults(info.function)
     _refuse_unknown(info.name, options, defaults)
     if isinstance(options.get("tolerance"), str) and options["tolerance"] == _AUTO:
-        correspondences = _with_estimated_resolution(correspondences, options.get("threads"))
         options.pop("tolerance")
+        if info.name != "lc":
+            correspondences = _with_estimated_resolution(correspondences, options.get("threads"))
     fields = _fields_for(info, correspondences)
     chosen = {**defaults, **PRESETS[preset].get(info.name, {}), **options}
     positions = (correspondences.source, correspondences.target)

@@ -313,6 +313,10 @@ def test_group_takes_lengths(folder: Path, tmp_path: Path, capsys: Capture) -> N
     for option in ("--resolution", "--tolerance"):
         succeed(capsys, *line, option, "0.01", "--out", "here")
         assert np.loadtxt(tmp_path / "here/matches_gc_mask.txt").sum() >= 40
+    estimated = json.loads(succeed(capsys, *line, "--tolerance", "auto", "--json"))
+    matches = read_correspondences(folder / "matches.txt")
+    assert estimated["results"]["indices"] == group(matches, "gc", tolerance="auto").indices.tolist()
+    assert estimated["options"]["tolerance"] == "auto"
 
 
 def test_detect(pair: tuple[Path, Path], tmp_path: Path, capsys: Capture) -> None:
@@ -464,6 +468,10 @@ WRONG = [
     ("group missing.npz", "missing.npz: no such file"),
     ("group {source}", "source.ply"),
     ("group {folder}/matches.npz --method gtm --tolerance 1", "tolerance"),
+    (
+        "group {folder}/matches.npz --tolerance automatic",
+        "--tolerance: got automatic; give a length, or auto",
+    ),
     ("group {folder}/matches.npz --method ss", "similarity"),
     ("group {folder}/matches.npz --method cv", "ratio"),
     ("group {folder}/matches.npz --method gc --resolution -1", "resolution"),

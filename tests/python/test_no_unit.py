@@ -1,5 +1,7 @@
 """Matches without a unit: likelihood consensus finds the pose, and estimates what other methods need."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from shared_data import data_folder
@@ -52,6 +54,15 @@ def test_auto_gives_other_methods_a_resolution() -> None:
         cgroup.group(matches, "ransac", tolerance="automatic")
     with pytest.raises(InputError):
         cgroup.group(matches, "si", tolerance="auto")
+
+
+def test_auto_of_lc_means_no_tolerance() -> None:
+    given, *_ = drawn(1.0)
+    for matches in (given, replace(given, resolution=7.0)):
+        auto, unset = (cgroup.group(matches, **asked) for asked in ({"tolerance": "auto"}, {}))
+        assert auto.diagnostics == unset.diagnostics
+        assert auto.false_alarms == unset.false_alarms
+        assert (auto.mask == unset.mask).all()
 
 
 def test_matches_of_one_plane_are_said_to_be() -> None:

@@ -32,6 +32,14 @@ _WITHOUT_TOLERANCE = ("gtm",)
 app = make_app()
 
 
+def _read_tolerance(text: str | None) -> float | str | None:
+    """Read a length; None and the word for an estimate stay."""
+    try:
+        return text if text in (None, "auto") else float(text)
+    except ValueError:
+        raise InputError("--tolerance", text, "give a length, or auto") from None
+
+
 def print_group(document: Document) -> None:
     """Print a group from its document."""
     found, method = document["results"], document["options"]["method"]
@@ -59,6 +67,9 @@ def print_group(document: Document) -> None:
     "cgroup group matches.txt",
     "",
     "cgroup group matches.npz --method SC2-PCR --tolerance 0.1 --json --out narrow",
+    "",
+    "# where no unit is known: estimated by lc from the matches",
+    "cgroup group matches.txt --method ransac --tolerance auto",
     show=print_group,
     saves=True,
 )
@@ -83,12 +94,14 @@ def group_command(
         options.GROUPING,
         "as in the file",
     ),
-    tolerance: float | None = option(
+    tolerance: Any = option(
         None,
-        "LENGTH",
-        "Tolerance of methods that have one, in the file's unit.",
+        "LENGTH|auto",
+        "Tolerance of methods that have one, in the file's unit; auto: estimated by lc.",
         options.GROUPING,
         "the method's",
+        parser=str,
+        callback=_read_tolerance,
     ),
     out: Path = options.OUT,
 ) -> Document:
@@ -155,7 +168,7 @@ def _refuse(found: Document) -> str | None:
     return f"chance could have made this group: {_count_by_chance(found['false_alarms'])}"
 
 
-def _method_options(method: str, tolerance: float | None) -> dict[str, Any]:
+def _method_options(method: str, tolerance: float | str | None) -> dict[str, Any]:
     """Return the options of the method that were given, or raise where it has none of the kind."""
     if tolerance is None:
         return {}
