@@ -28,8 +28,8 @@ from cgroup.evaluation.result_files import (
     read_truth,
 )
 from cgroup.io import read_cloud, write_file
-from cgroup.io._files import number_lines
 from cgroup.io._graphs import motion_lines
+from cgroup.io._logs import format_log
 from cgroup.rigid import apply, invert, turn
 from cgroup.scenes import PoseGraph
 from reference.redwood import redwood_error
@@ -53,14 +53,6 @@ def jolted(rng, poses, degrees, shift):
     return poses @ errors
 
 
-def format_log(pairs, poses):
-    """Poses of pairs, exact to the last bit; some readers split lines at tabs only."""
-    blocks = [
-        f"{i}\t{j}\t60\n" + "\n".join(number_lines(pose)) for (i, j), pose in zip(pairs, poses, strict=True)
-    ]
-    return "\n".join([*blocks, ""]).replace(" ", "\t")
-
-
 def write_results(path, results):
     """Write poses of pairs as users do: by a table, by `numpy.savez`, or as logs in a folder."""
     scenes, *numbers = map(np.array, zip(*results.keys, strict=True))
@@ -79,7 +71,7 @@ def write_results(path, results):
             if not rows:
                 continue
             (path / scene).mkdir(parents=True)
-            text = format_log([results.keys[row][1:] for row in rows], results.poses[rows])
+            text = format_log(np.array([results.keys[row][1:] for row in rows]), results.poses[rows])
             (path / scene / "est.log").write_text(text)
 
 
