@@ -20,7 +20,7 @@ from cgroup.datasets.generated.shapes import random_pose
 from cgroup.errors import InputError
 from cgroup.evaluation import within
 from cgroup.evaluation.paired_tests import mcnemar
-from cgroup.evaluation.recall_protocols import protocol_names, read_protocol, score_poses
+from cgroup.evaluation.recall_protocols import Recall, protocol_names, read_protocol, score_poses
 from cgroup.evaluation.result_files import (
     PairErrors,
     PairPoses,
@@ -339,7 +339,7 @@ def asked(folder, *results):
 
 def test_the_text_has_every_table(folder, capsys):
     text = succeed(capsys, *asked(folder), "--curve", "--wide")
-    assert "3DMatch: 30 pairs of 3 scenes; recalls in %" in text
+    assert "3DMatch: 30 pairs of 3 scenes; recalls in % with Wilson's intervals of 95 %" in text
     for part in (
         "RMSE, by pair",
         "15deg 0.3m, by scene",
@@ -374,7 +374,7 @@ def test_the_page_has_tables_curves_and_the_worst_poses(folder, capsys):
     assert "<td><b></td>" not in html
     assert "<td>&lt;b&gt;</td>" in html
     assert html.count('<figure class="chart"') == 1
-    assert "3DMatch: 30 pairs of 3 scenes; recalls in %" in html
+    assert "3DMatch: 30 pairs of 3 scenes; recalls in % with Wilson&#x27;s intervals of 95 %" in html
     documents = json.loads(succeed(capsys, *asked(folder), "--json"))["results"]["methods"]
     ours, theirs = documents
     assert len(ours["worst"]) == min(20, ours["wrong"]) > 0
@@ -592,6 +592,24 @@ def test_pairs_that_the_truth_lacks_are_counted(folder, capsys):
     write_results(folder / "more.csv", more)
     text = succeed(capsys, *asked(folder, "more.csv"), "--wide")
     assert "more: 1 pairs aren't in the truth, such as hall/7-9: left out" in " ".join(text.split())
+
+
+@given(st.lists(st.tuples(st.integers(0, 20), st.integers(0, 20)), min_size=1, max_size=6))
+def test_intervals_are_wilsons_and_those_of_means_combined(counts):
+    counts = [(right, max(1, right + wrong)) for right, wrong in counts]
+    keys = [(f"{scene}", 0, 1) for scene, (_, size) in enumerate(counts) for _ in range(size)]
+    errors = np.concatenate([np.arange(size) >= right for right, size in counts]).astype(float)
+    no = np.zeros(len(keys), dtype=bool)
+    found = PairErrors("made", keys, errors, errors, errors, no, no, errors)
+    for average, shares in (("pairs", [tuple(np.sum(counts, axis=0))]), ("scenes", counts)):
+        scored = Recall("any", max_rotation=0.5, average=average).score(found)
+        each = [stats.binomtest(*map(int, share)).proportion_ci(method="wilson") for share in shares]
+        share = np.array([right / size for right, size in shares])
+        below, above = share - [one.low for one in each], share - [one.high for one in each]
+        expected = share.mean() - np.array([np.hypot.reduce(below), -np.hypot.reduce(above)]) / len(shares)
+        assert (scored["low"], scored["high"]) == pytest.approx(tuple(expected), abs=1e-12)
+        assert 0 <= scored["low"] <= scored["recall"] <= scored["high"] <= 1
+        assert scored["high"] - scored["low"] > 0.01  # at 0 and 100 % too
 
 
 @given(st.integers(0, 40), st.integers(0, 40))

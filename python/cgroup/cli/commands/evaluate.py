@@ -66,7 +66,8 @@ def _tables(done: Document, *, curve: bool) -> Iterator[tuple[str, list[str], li
         titles[done["main"]],
         list(dict.fromkeys(scene for one in methods for scene in one["scenes"])),
     )
-    heading = f"{done['protocol']}: {done['pairs']} pairs of {counted(len(scenes), 'scene')}; recalls in %"
+    of_what = f"{done['pairs']} pairs of {counted(len(scenes), 'scene')}"
+    heading = f"{done['protocol']}: {of_what}; recalls in % with Wilson's intervals of 95 %"
     shown = [[one["name"], *_show_recalls(one, done, intervals=True)] for one in methods]
     yield heading, ["result", *titles], [row[:-2] for row in shown]
     counts = [[one["name"], *(str(one[count]) for count in _COUNTS)] for one in methods]
