@@ -4,6 +4,7 @@ import csv
 import itertools
 import json
 import time
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from cgroup.benchmark.report.pose_files import write_poses
 from cgroup.datasets.generated.shapes import random_pose
 from cgroup.errors import InputError
 from cgroup.evaluation import within
-from cgroup.evaluation.paired_tests import mcnemar
+from cgroup.evaluation.paired_tests import compare_results, mcnemar
 from cgroup.evaluation.recall_protocols import Recall, protocol_names, read_protocol, score_poses
 from cgroup.evaluation.result_files import (
     PairErrors,
@@ -572,6 +573,35 @@ def test_results_of_other_scenes_stand_apart(folder, capsys):
     assert "RESULT: of 7 and 30 pairs" in fail(capsys, *asked(folder, "ours.csv", "dgr.npz"))
     np.savez(folder / "dgr.npz", names=names, stats=stats[0])
     assert "DGR's is (methods, pairs, 5)" in fail(capsys, *asked(folder, "dgr.npz"))
+
+
+def test_results_are_tested_on_the_same_pairs_in_any_order(folder, tmp_path, capsys):
+    truth, rng = made_truth(np.random.default_rng(0)), np.random.default_rng(1)
+    recall = read_protocol("3dmatch").recalls[0]
+    found = {
+        name: score_poses(truth, replace(truth, poses=jolted(rng, truth.poses, 10, 0.1))) for name in "ab"
+    }
+    order = rng.permutation(len(truth.keys))
+    keys = [truth.keys[row] for row in order]
+    arrays = [getattr(found["b"], one.name)[order] for one in fields(PairErrors)[2:8]]
+    (told,), (shuffled,) = (
+        compare_results({"a": found["a"], "b": other}, recall)
+        for other in (found["b"], PairErrors("b", keys, *arrays))
+    )
+    assert shuffled == told
+    assert told["only_one"] + told["only_other"] > 0
+    stats = np.zeros((2, 30, 5))
+    stats[:, :, 1] = rng.uniform(0, 0.6, (2, 30))
+    stats[:, :, 4] = np.arange(30) // 10
+    np.savez(tmp_path / "dgr.npz", names=np.array(["a", "b"]), stats=stats)
+    one, other = stats[:, :, 1] < 0.3
+    stats[1] = np.roll(stats[1], 10, axis=0)  # scenes in another order
+    np.savez(tmp_path / "turned.npz", names=np.array(["a", "b"]), stats=stats)
+    for name in ("dgr.npz", "turned.npz"):
+        done = json.loads(succeed(capsys, *asked(folder, "ours.csv", tmp_path / name), "--json"))["results"]
+        (test,) = done["tests"]
+        assert (test["only_one"], test["only_other"]) == ((one & ~other).sum(), (other & ~one).sum())
+        assert done["notes"][-1] == "not of the same pairs, so not tested: ours and a, ours and b"
 
 
 def test_without_information_the_first_recall_that_is_known_leads(folder, capsys):

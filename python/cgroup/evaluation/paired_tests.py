@@ -2,15 +2,41 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from math import comb
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import ArrayLike
+
+    from cgroup.evaluation.recall_protocols import Recall
+    from cgroup.evaluation.result_files import Key, PairErrors
+    from cgroup.types import BoolArray
+
+
+def compare_results(found: Mapping[str, PairErrors], recall: Recall) -> list[dict[str, Any]]:
+    """Test every two results of the same pairs, in any order: what only one registers, and the p by Holm.
+
+    Pairs without numbers are the same where they have the same place in their scene.
+    """
+    keys: dict[str, list[Key]] = {}
+    registered: dict[str, BoolArray] = {}
+    for name, one in found.items():
+        rows = sorted(np.flatnonzero(recall.counted(one)).tolist(), key=one.keys.__getitem__)
+        keys[name], registered[name] = [one.keys[row] for row in rows], recall.registered(one)[rows]
+    tests: list[dict[str, Any]] = []
+    for one, other in combinations(found, 2):
+        if keys[one] == keys[other]:
+            first, second = registered[one], registered[other]
+            only = {"only_one": int((first & ~second).sum()), "only_other": int((second & ~first).sum())}
+            tests.append({"one": one, "other": other, **only, "p": mcnemar(first, second)})
+    for test, p in zip(tests, holm([test["p"] for test in tests]), strict=True):
+        test["p"] = p
+    return tests
 
 
 def mcnemar(one: ArrayLike, other: ArrayLike) -> float:

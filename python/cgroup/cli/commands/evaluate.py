@@ -18,7 +18,7 @@ from cgroup.cli.show.tables import UNKNOWN, Column, print_table, show_value
 from cgroup.cli.show.terminal import print_facts, print_files, print_prose, print_text
 from cgroup.errors import InputError
 from cgroup.evaluation import recall_protocols as protocols
-from cgroup.evaluation.paired_tests import holm, mcnemar
+from cgroup.evaluation.paired_tests import compare_results
 from cgroup.evaluation.recall_protocols import Recall, RecallProtocol
 from cgroup.evaluation.recalls import registration_recall
 from cgroup.evaluation.result_files import PairErrors, read_results, read_truth, show_pair
@@ -208,14 +208,10 @@ def _evaluate(by: RecallProtocol, found: dict[str, PairErrors]) -> Document:
     is_whole = by.pairs in (None, *pairs)
     notes = [] if is_whole else [f"{by.title} has {by.pairs} pairs, the truth has {min(pairs)}"]
     notes += [f"{name}: {note}" for name, one in found.items() for note in one.notes]
-    right = {name: main.registered(one)[main.counted(one)] for name, one in found.items()}
-    twos = [two for two in itertools.combinations(found, 2) if found[two[0]].keys == found[two[1]].keys]
-    p = holm([mcnemar(right[one], right[other]) for one, other in twos])
-    only = [
-        (int((right[one] & ~right[other]).sum()), int((right[other] & ~right[one]).sum()))
-        for one, other in twos
-    ]
-    heads, tests = ("one", "other", "only_one", "only_other", "p"), zip(twos, only, p, strict=True)
+    tests = compare_results(found, main)
+    tested = {(test["one"], test["other"]) for test in tests}
+    apart = [" and ".join(two) for two in itertools.combinations(found, 2) if two not in tested]
+    notes += [f"not of the same pairs, so not tested: {', '.join(apart)}"] if apart else []
     return {
         "protocol": by.title,
         "citation": by.citation,
@@ -223,7 +219,7 @@ def _evaluate(by: RecallProtocol, found: dict[str, PairErrors]) -> Document:
         "recalls": [{"name": one.name, "criterion": one.describe()} for one in by.recalls],
         "main": by.recalls.index(main),
         "methods": [_describe(name, one, by, main) for name, one in found.items()],
-        "tests": [dict(zip(heads, (*two, *counts, each), strict=True)) for two, counts, each in tests],
+        "tests": tests,
         "factors": _FACTORS,
         "notes": notes,
         "left_open": by.left_open,
