@@ -439,6 +439,10 @@ WRONG_FILES = {
     "words.csv": (HEAD + "hall,0,x,0,0,0,0,0,0,1\n", "line 2 isn't a pair and the numbers of its pose"),
     "short.csv": (HEAD + "hall,0,1,0,0\n", "line 2 isn't a pair"),
     "long.csv": (HEAD + "hall,0,1,0,0,0,0,0,0,2\n", "quaternion is of length 2"),
+    "wide.csv": (
+        HEAD + "\nhall,0,1,0,0,0,0,0,0,1,0\n",
+        "line 3 has more cells than the first; quote",
+    ),
     "twice.csv": (HEAD + "hall,0,1,0,0,0,0,0,0,1\n" * 2, "pair hall/0-1 is there twice"),
     "back.csv": (HEAD + "hall,0,1,0,0,0,0,0,0,1\nhall,1,0,9,0,0,0,0,0,1\n", "pair hall/1-0 is there twice"),
     "hall.tum": ("1 0 0 0 0 0 0 1\n" * 2, "cloud 1 is there twice"),

@@ -222,14 +222,17 @@ def _read_csv(file: Path) -> _Rows:
         wanted = "scene, target, source, and 12 columns t00 to t23, or tx ty tz qx qy qz qw"
         message = f"{file}: not a table of poses; its first line has to name {wanted}"
         raise InputError(message)
-    for number, row in enumerate(table, 2):
+    for row in table:
+        if table.restkey in row:
+            message = f"{file}: line {table.line_num} has more cells than the first; quote those with commas"
+            raise InputError(message)
         try:
             words = [row[name] for name in columns]
             numbers = np.array([words if any(words) else [np.nan]], dtype=float)
             pose = find_poses("its pose", numbers)[0] if np.isfinite(numbers).all() else None
             pair = int(row["target"]), int(row["source"])
         except ValueError as error:
-            message = f"{file}: line {number} isn't a pair and the numbers of its pose ({error})"
+            message = f"{file}: line {table.line_num} isn't a pair and the numbers of its pose ({error})"
             raise InputError(message) from error
         yield row.get("scene") or "", *pair, pose
 
