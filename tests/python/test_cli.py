@@ -141,9 +141,15 @@ def test_register_by_matches_of_a_file(
 
 def test_register_near_a_rough_pose(pair: tuple[Path, Path], folder: Path, capsys: Capture) -> None:
     line = ("register", *pair, "--initial", folder / "near.txt", "--truth", folder / "truth.txt", "--json")
-    done = json.loads(succeed(capsys, *line, "--radius", 30, "--angle", 5))["results"]
+    matches = Path("out/source_on_target.npz")
+    matches.parent.mkdir()
+    matches.touch()  # of an earlier run
+    said = json.loads(succeed(capsys, *line, "--radius", 30, "--angle", 5))
+    done = said["results"]
     assert done["truth"]["right"]
     assert done["matches"] == 0
+    assert not matches.exists()
+    assert [Path(name).suffix for name in said["files"]] == [".txt", ".ply", ".png"]
     status, _, err = run(capsys, *line, "--radius", 2, "--angle", 1)
     assert status == 3
     assert "give a larger --radius or --angle, or no --initial" in err

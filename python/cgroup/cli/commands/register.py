@@ -74,12 +74,12 @@ _AXIS = option(
 )
 _EFFORT = choice("normal", Effort, "How long to search where the pose is not sure.", options.SEARCH)
 
-_POSE, _ALIGNED, _MERGED, _PAGE = ".txt", "_aligned.ply", "_merged.ply", ".html"
+_POSE, _ALIGNED, _MATCHES, _MERGED, _PAGE = ".txt", "_aligned.ply", ".npz", "_merged.ply", ".html"
 _FILES = {
     _POSE: "the pose",
     _ALIGNED: "the source, moved onto the target",
     _MERGED: "both as one cloud",
-    ".npz": "the matches",
+    _MATCHES: "the matches",
     ".png": "a picture",
     _PAGE: "a page for the browser",
 }
@@ -270,8 +270,8 @@ def register_command(
 ) -> Document:
     """Place one scan on another, or say that no pose can be trusted (exit status 3).
 
-    Writes the pose, the moved source, the matches and a picture: SOURCE_on_TARGET.txt and so on. The options
-    of keypoints and descriptors are those of the paper's front.
+    Writes the pose, the moved source, the matches and a picture: SOURCE_on_TARGET.txt and so on. Near a pose
+    of --initial nothing is matched. The options of keypoints and descriptors are those of the paper's front.
     """
     if others:
         message = (
@@ -422,7 +422,7 @@ class PairFiles:
     def write(
         self, clouds: Clouds, done: Registration, truth: FloatArray | None, *, html: bool, merged: bool
     ) -> list[Path]:
-        """Write the pose, the moved source, the matches and a picture; return the files."""
+        """Write the pose, the moved source, matches if there are any, and a picture; return the files."""
         from cgroup.plots import registration_figure  # noqa: PLC0415 - slow to load
 
         pose = done.T_target_source
@@ -437,13 +437,17 @@ class PairFiles:
         make_folder(self._folder)
         write_pose(self._file(_POSE), pose, self._frames)
         io.write_cloud(self._file(_ALIGNED), done.place(clouds[0]))
-        io.write_correspondences(self._file(".npz"), done.correspondences)
+        if has_matches := len(done.correspondences) > 0:
+            io.write_correspondences(self._file(_MATCHES), done.correspondences)
+        else:
+            remove_files([self._file(_MATCHES)])
         write_figure(self._file(".png"), figure)
         if merged:
             io.write_cloud(self._file(_MERGED), done.merged(*clouds))
         if html:
             self.write_page(clouds, done, truth)
-        return [self._file(ending) for ending in _FILES if {_MERGED: merged, _PAGE: html}.get(ending, True)]
+        written = {_MATCHES: has_matches, _MERGED: merged, _PAGE: html}
+        return [self._file(ending) for ending in _FILES if written.get(ending, True)]
 
     def write_page(
         self, clouds: Clouds, done: Registration, truth: FloatArray | None, refusal: str | None = None
