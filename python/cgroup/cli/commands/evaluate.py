@@ -176,8 +176,8 @@ def evaluate_command(
         from cgroup.pages.page import write_page  # noqa: PLC0415
 
         curves = {one["name"]: one["curve"] for one in done["methods"]}
-        tables = [*_tables(done, curve=False), _worst(done)]
-        page = evaluation_page(by.title, tables, _FACTORS, curves, _facts(done))
+        tables, recall = [*_tables(done, curve=True), _worst(done)], done["recalls"][done["main"]]["name"]
+        page = evaluation_page(by.title, recall, tables, _FACTORS, curves, _facts(done))
         write_page(written_path(html, "pages", ".html"), page)
     inputs = [{"role": f"result {number}", "file": path} for number, path in enumerate(results, 1)]
     return {"inputs": inputs, "results": done, "files": [html] if html else []}
