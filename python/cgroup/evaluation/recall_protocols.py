@@ -97,7 +97,7 @@ class Recall:
     def registered(self, found: PairErrors, factor: float = 1.0) -> BoolArray:
         """Tell which pairs are within the limits, times a factor."""
         excess = self.excess(found)
-        return np.isfinite(excess) & (excess <= factor if self.inclusive else excess < factor)
+        return excess <= factor if self.inclusive else excess < factor
 
     def score(self, found: PairErrors) -> dict[str, Any] | None:
         """Score results: the recall and its interval, errors of registered pairs, counts; None if unknown."""
@@ -113,15 +113,8 @@ class Recall:
         )
         recall = registration_recall(right[counts], scenes=scenes[counts].tolist())
         low, high = _interval(right[counts], scenes[counts])
-        return {
-            "recall": recall,
-            "low": low,
-            "high": high,
-            "registered": int(right.sum()),
-            "pairs": int(counts.sum()),
-            "rotation_deg": rotation,
-            "translation": translation,
-        }
+        numbers = {"recall": recall, "low": low, "high": high, "registered": int(right.sum())}
+        return {**numbers, "pairs": int(counts.sum()), "rotation_deg": rotation, "translation": translation}
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     # Of pairs: scene, "" if untold, target, source and pose. Of clouds: number, component and pose.
     _Rows = Iterable[tuple[Any, ...]]
 
-_SUFFIXES = (".log", ".csv", ".npz", ".json", ".g2o", ".tum", ".kitti", ".txt", ".npy")
 _UNNAMED = {"est", "gt", "poses", "graph", "result", "results", "trajectory"}
 """Names of files that tell no scene; their folder's does."""
 
@@ -118,16 +117,12 @@ def read_truth(path: Path) -> PairPoses:
     information, overlap = np.full((len(rows), 6, 6), np.nan), np.full(len(rows), np.nan)
     for file in _files_of(path, is_truth=True):
         scene, info, shares = _names_of(file)[0], *map(file.with_name, ("gt.info", "gt_overlap.log"))
-        matrices = read_matrices(info, 6, check_information) if info.is_file() else {}
-        for (i, j), matrix in matrices.items():
-            information[rows.get((scene, i, j), [])] = matrix
-        table = (
-            parse_file(shares, lambda content: load_numbers(content).reshape(-1, 3))
-            if shares.is_file()
-            else ()
-        )
-        for i, j, share in table:
-            overlap[rows.get((scene, i, j), [])] = share
+        if info.is_file():
+            for (i, j), matrix in read_matrices(info, 6, check_information).items():
+                information[rows.get((scene, i, j), [])] = matrix
+        if shares.is_file():
+            for i, j, share in parse_file(shares, lambda content: load_numbers(content).reshape(-1, 3)):
+                overlap[rows.get((scene, i, j), [])] = share
     return PairPoses(known.name, known.keys, known.poses, information, overlap)
 
 
@@ -257,7 +252,8 @@ def _read_json(file: Path) -> _Rows:
 
 
 _READERS = {".log": _read_log, ".csv": _read_csv, ".npz": _read_npz, ".json": _read_json, ".g2o": _read_graph}
-"""Files of other suffixes have a pose per line."""
+_SUFFIXES = (*_READERS, ".tum", ".kitti", ".txt", ".npy")
+"""Files of suffixes without a reader have a pose per line."""
 
 
 def _matrix(rows: list[list[float]]) -> FloatArray:

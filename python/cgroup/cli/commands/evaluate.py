@@ -58,14 +58,13 @@ def print_evaluation(
     print_files(document)
 
 
-def _tables(done: Document, *, curve: bool) -> Iterator[tuple[str, list[str], list[list[str]]]]:
+def _tables(
+    done: Document, *, curve: bool, worst: bool = False
+) -> Iterator[tuple[str, list[str], list[list[str]]]]:
     """Yield heading, columns and rows of each table."""
     methods: list[Document] = done["methods"]
     names, titles = ([one["name"] for one in done[key]] for key in ("methods", "recalls"))
-    main, scenes = (
-        titles[done["main"]],
-        list(dict.fromkeys(scene for one in methods for scene in one["scenes"])),
-    )
+    main, scenes = titles[done["main"]], [*dict.fromkeys(scene for one in methods for scene in one["scenes"])]
     of_what = f"{done['pairs']} pairs of {counted(len(scenes), 'scene')}"
     heading = f"{done['protocol']}: {of_what}; recalls in % with Wilson's intervals of 95 %"
     shown = [[one["name"], *_show_recalls(one, done, intervals=True)] for one in methods]
@@ -85,14 +84,10 @@ def _tables(done: Document, *, curve: bool) -> Iterator[tuple[str, list[str], li
         rows = [[show_value(cell, ".2g") for cell in test.values()] for test in done["tests"]]
         heading = "Pairs that only one registers, and p of McNemar's exact test, adjusted by Holm"
         yield heading, ["one", "other", "only one", "only other", "p"], rows
-
-
-def _worst(done: Document) -> tuple[str, list[str], list[list[str]]]:
-    rows = [
-        [one["name"], *map(show_value, pair.values())] for one in done["methods"] for pair in one["worst"]
-    ]
-    heading = f"Worst poses by {done['recalls'][done['main']]['name']}: {_WORST} of each result at most"
-    return heading, ["result", "pair", "overlap", "limits x", "RRE deg", "RTE", "RMSE"], rows
+    if worst:
+        rows = [[one["name"], *map(show_value, pair.values())] for one in methods for pair in one["worst"]]
+        heading = f"Worst poses by {main}: {_WORST} of each result at most"
+        yield heading, ["result", "pair", "overlap", "limits x", "RRE deg", "RTE", "RMSE"], rows
 
 
 def _facts(done: Document) -> list[tuple[str, str]]:
@@ -176,7 +171,7 @@ def evaluate_command(
         from cgroup.pages.page import write_page  # noqa: PLC0415
 
         curves = {one["name"]: one["curve"] for one in done["methods"]}
-        tables, recall = [*_tables(done, curve=True), _worst(done)], done["recalls"][done["main"]]["name"]
+        recall, tables = done["recalls"][done["main"]]["name"], _tables(done, curve=True, worst=True)
         page = evaluation_page(by.title, recall, tables, _FACTORS, curves, _facts(done))
         write_page(written_path(html, "pages", ".html"), page)
     inputs = [{"role": f"result {number}", "file": path} for number, path in enumerate(results, 1)]
