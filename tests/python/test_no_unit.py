@@ -39,6 +39,16 @@ def test_more_noise_is_estimated_as_more() -> None:
     assert noises[3] > 3 * noises[0]
 
 
+def test_a_resolution_too_small_for_the_noise_is_not_believed() -> None:
+    matches, pose, right = drawn(1.5)
+    found = cgroup.group(replace(matches, resolution=0.25))
+    assert found.ok
+    assert rotation_error(found.model, pose) < 1
+    assert found.mask[right].mean() > 0.8
+    assert found.mask[~right].mean() < 0.02
+    assert found.diagnostics["resolution"] > 0.5
+
+
 def test_auto_gives_other_methods_a_resolution() -> None:
     matches, _, right = drawn(1.0)
     for method in ("ransac", "sc2pcr", "mac", "gc"):

@@ -88,13 +88,15 @@ impl Stars<'_> {
     }
 
     fn fit(&self, members: impl Iterator<Item = usize>) -> Result<Rigid> {
-        let (mut p, mut q, mut turns) = (Vec::<Point3<f64>>::new(), Vec::new(), Matrix3::zeros());
+        let (mut p, mut q, mut weights) = (Vec::<Point3<f64>>::new(), Vec::new(), Vec::new());
+        let mut turns = Matrix3::zeros();
         for i in members {
             memory::push(&mut p, self.source.get(i))?;
             memory::push(&mut q, self.target.get(i))?;
+            memory::push(&mut weights, 1.0)?;
             turns += self.rotations[i].unwrap_or_else(Matrix3::zeros);
         }
-        Ok(fit_posed(&p, &q, &(turns * (self.deviation / FRAME_DEVIATION).powi(2))))
+        Ok(fit_posed(&p, &q, &weights, &(turns * (self.deviation / FRAME_DEVIATION).powi(2))))
     }
 }
 

@@ -56,28 +56,25 @@ pub fn fit_rigid(source: &[Point3<f64>], target: &[Point3<f64>]) -> Rigid {
     Rigid { rotation, translation: target_mean - rotation * source_mean }
 }
 
-/// Least-squares transform of pairs of points, one or more, whose rotation is drawn to others as well: `turns` is the sum of
-/// these, each times its weight (it is added to `H^T`).
-pub fn fit_posed(source: &[Point3<f64>], target: &[Point3<f64>], turns: &Matrix3<f64>) -> Rigid {
-    let count = source.len().max(1) as f64;
-    let mean = |points: &[Point3<f64>]| points.iter().map(|p| p.coords).sum::<Vector3<f64>>() / count;
-    let (source_mean, target_mean) = (mean(source), mean(target));
-    let mut covariance = turns.transpose();
-    for (p, q) in source.iter().zip(target) {
-        covariance += (p.coords - source_mean) * (q.coords - target_mean).transpose();
-    }
-    let rotation = rotation_from_covariance(&covariance);
-    Rigid { rotation, translation: target_mean - rotation * source_mean }
-}
-
 /// Least-squares transform of weighted pairs of points, by the same formula; the weights are positive.
 pub fn fit_weighted(source: &[Point3<f64>], target: &[Point3<f64>], weights: &[f64]) -> Rigid {
+    fit_posed(source, target, weights, &Matrix3::zeros())
+}
+
+/// The same where the rotation is drawn to others as well: `turns` is the sum of these, each times its weight (it is added
+/// to `H^T`).
+pub fn fit_posed(
+    source: &[Point3<f64>],
+    target: &[Point3<f64>],
+    weights: &[f64],
+    turns: &Matrix3<f64>,
+) -> Rigid {
     let total: f64 = weights.iter().sum();
     let mean = |points: &[Point3<f64>]| {
         points.iter().zip(weights).map(|(p, &w)| p.coords * w).sum::<Vector3<f64>>() / total
     };
     let (source_mean, target_mean) = (mean(source), mean(target));
-    let mut covariance = Matrix3::zeros();
+    let mut covariance = turns.transpose();
     for ((p, q), &weight) in source.iter().zip(target).zip(weights) {
         covariance += (p.coords - source_mean) * (q.coords - target_mean).transpose() * weight;
     }

@@ -28,7 +28,8 @@ at most 1/100 of the false alarms of the best with frames. With frames
 and stars are hypotheses too: j is in the star of i if the angle between R_i and R_j is below 30 degrees, |ds - dt| < 3 u,
 both lengths exceed 6 u, and the pose of either one's frames lays the other within 3 u + 2 sin(15 degrees) ds. Of the 300
 largest stars the motion of all, and of the centre with each of the first 3 members: least squares of points and frames,
-the latter with weight (sigma / 10 degrees)^2.
+the latter with weight (sigma / 10 degrees)^2. In refinement the frames that say more than ln(1 - pi) draw the pose as well:
+it maximises sum w_i (-|R p_i + t - q_i|^2 / (2 sigma^2) - (1 - cos theta_i) / (10 degrees)^2), the second term of these alone.
 
 False alarms of a pose: n^3 / 6 P(Poisson(lambda k' / k) >= k' - 3), k the supporters, k' those left when, by ascending residual,
 one is dropped that has a kept one within 7 u on either side (until 200 are kept; k counts those looked at), lambda the mean
@@ -38,10 +39,12 @@ of one of the ten best poses, or, without a tolerance, of the cliques of the 100
 
 Without a tolerance: all of this with u = 1 pr, and until the number of false alarms times the 5 tolerances there are is below 0.01, with u
 twice as large, half, 4 times, a quarter; without a resolution u = 0.8 / 3 of the lesser of both sides' mean distance of
-nearest points (those that coincide aside), up to 16 times and a sixteenth. The one with the fewest false alarms counts, times 5 or
-9. Under its best pose, of radii 5 u 2^(k/2), k = -8 .. 8, from k = 0 on the one with the least number of false alarms is sought that
+nearest points (those that coincide aside), up to 16 times and a sixteenth. Where none is below 0.01, that of 1 pr counts, or without a
+resolution the one with the fewest false alarms; times 5 or 9. Under its best pose, of radii 5 u 2^(k/2), k = -8 .. 8, from k = 0 on the one with the least number of false alarms is sought that
 is no greater than that of the 2 next ones on both sides. For each, the pose is refined by 5 rounds, deviation from 1.6 times
-0.54 radii down to that; supporters are those within the radius, apart 7/5 radii. That deviation is the noise, that pose the best.
+0.54 radii down to that; supporters are those within the radius, apart 7/5 radii. That deviation is the noise, and where the false alarms are
+below 0.01, that pose the best. There, too, noise of more than 1.5 sigma has the poses of all modes judged again, as hypotheses in place of
+the cliques', with u = noise / 2.7 and the frames' stars and mirrored cliques of before; that counts if it has less than 0.01 false alarms.
 
 Instances: in order of score the poses with less than 0.01 false alarms among the matches that no earlier one's group
 has, whose group shares less than 0.3 (intersection over union) with each of theirs; none unless the best is sure.
@@ -108,10 +111,21 @@ class Model(NamedTuple):
         """L_i + a_i."""
         if self.turns is None:
             return self.level
-        loss, gain = np.log(1.0 - self.share), np.log(1.0 - self.share + 40.0 * self.share)
-        cosine = (np.einsum("nij,ij->n", self.turns, pose.rotation) - 1.0) / 2.0
-        said = np.maximum(loss, gain - (1.0 - cosine) / FRAME_SIGMA**2)
-        return self.level + np.where(np.isfinite(cosine), said, 0.0)
+        loss, said = self.said(self.turns, pose)
+        return self.level + np.where(np.isfinite(said), np.maximum(loss, said), 0.0)
+
+    def said(self, turns: FloatArray, pose: Pose) -> tuple[float, FloatArray]:
+        """What frames say that don't agree with a pose, and what they say if they do; NaN without any."""
+        cosine = (np.einsum("nij,ij->n", turns, pose.rotation) - 1.0) / 2.0
+        gain = np.log(1.0 - self.share + 40.0 * self.share)
+        return float(np.log(1.0 - self.share)), gain - (1.0 - cosine) / FRAME_SIGMA**2
+
+    def drawing(self, pose: Pose, rows: BoolArray, weight: FloatArray) -> FloatArray:
+        """Weighted sum of the rotations of frames that say more for the pose than wrong ones do."""
+        if self.turns is None:
+            return np.zeros((3, 3))
+        loss, said = self.said(self.turns[rows], pose)
+        return (weight[said > loss, None, None] * self.turns[rows][said > loss]).sum(axis=0)
 
     def log_odds(self, pose: Pose) -> FloatArray:
         return self.levels(pose) - self.squares(pose) / (2.0 * SIGMA**2)
@@ -167,14 +181,15 @@ def lc(
         if found.expected * len(lengths) < MOST_ALARMS:
             break
         other = look(length)
-        found = other if other.expected < found.expected else found
+        if other.expected * len(lengths) < MOST_ALARMS or (
+            resolution is None and other.expected < found.expected
+        ):
+            found = other
+    noise = None
+    if tolerance is None and found.ranked:
+        found, noise = suited(found, rows, turns, modes, len(lengths))
     expected = found.expected * len(lengths)
     model, counted, ranked = found.model, found.counted, found.ranked
-    noise = None
-    if tolerance is None and ranked:
-        pose, deviation = refined_by_noise(counted, ranked[0].pose)
-        ranked = [ranked[0]._replace(pose=pose), *ranked[1:]]
-        noise = deviation * found.unit
     mask, scores = np.zeros(len(p_raw), dtype=bool), np.zeros(len(p_raw))
     if ranked:
         best = ranked[0].pose
@@ -220,8 +235,10 @@ class Attempt(NamedTuple):
     model: Model
     counted: Model
     ranked: list[Ranked]
-    hypotheses: int
     expected: float
+    kept: IntArray
+    mirrored: list[IntArray]
+    hypotheses: int
 
 
 def attempt(
@@ -234,20 +251,58 @@ def attempt(
     mirrored_edges: int,
 ) -> Attempt:
     p, q = centred(p_raw) / unit, centred(q_raw) / unit
-    model = Model(p, q, levels(p, q, ratio))
     agrees = distance_difference(p, q) < 3.0
     kept = np.sort(np.argsort(-agrees.sum(axis=1), kind="stable")[:VERTICES])
-    joined = agrees & (np.minimum(edge_lengths(p), edge_lengths(q)) > 6.0)
-    found = [kept[clique] for clique in cliques(joined[np.ix_(kept, kept)], EDGES)]
+    joined = (agrees & (np.minimum(edge_lengths(p), edge_lengths(q)) > 6.0))[np.ix_(kept, kept)]
+    found = [kept[clique] for clique in cliques(joined, EDGES)]
     hypotheses = [weighted_kabsch(p[c], q[c], np.ones(len(c))) for c in found if fixes_rotation(p[c], q[c])]
+    mirrored = [kept[clique] for clique in cliques(joined, mirrored_edges)]
+    return judge(p, q, ratio, turns, unit, modes, hypotheses, kept, mirrored)
+
+
+def judge(
+    p: FloatArray,
+    q: FloatArray,
+    ratio: FloatArray | None,
+    turns: FloatArray,
+    unit: float,
+    modes: int,
+    hypotheses: list[Pose],
+    kept: IntArray,
+    mirrored: list[IntArray],
+) -> Attempt:
+    model = Model(p, q, levels(p, q, ratio))
     counted, ranked = model, rank(model, hypotheses, modes)
     if np.isfinite(turns).any():
         counted, ranked = with_frames((model, ranked), turns, hypotheses, kept, modes)
     expected = np.inf
-    mirrored = [kept[clique] for clique in cliques(joined[np.ix_(kept, kept)], mirrored_edges)]
     if ranked and not equalled(model, ranked, mirrored):
         expected = alarms(model, ranked[0], np.zeros(len(p), dtype=bool))
-    return Attempt(unit, model, counted, ranked, len(hypotheses), expected)
+    return Attempt(unit, model, counted, ranked, expected, kept, mirrored, len(hypotheses))
+
+
+def suited(
+    found: Attempt, ratio: FloatArray | None, turns: FloatArray, modes: int, tried: int
+) -> tuple[Attempt, float]:
+    """Return what was found, with the tolerance that suits the noise, and that."""
+    refined, noise = with_noise(found, tried)
+    if noise < 1.5 * SIGMA * found.unit:
+        return refined, noise
+    factor = SIGMA * found.unit / noise
+    poses = [Pose(one.pose.rotation, one.pose.translation * factor) for one in refined.ranked]
+    p, q = found.model.p * factor, found.model.q * factor
+    wider = judge(p, q, ratio, turns, noise / SIGMA, modes, poses, found.kept, found.mirrored)
+    if wider.expected * tried >= MOST_ALARMS:
+        return refined, noise
+    return with_noise(wider._replace(hypotheses=found.hypotheses), tried)
+
+
+def with_noise(found: Attempt, tried: int) -> tuple[Attempt, float]:
+    """Return what was found, its best pose refined if it is sure, and the noise under it."""
+    pose, deviation = refined_by_noise(found.counted, found.ranked[0].pose)
+    if found.expected * tried < MOST_ALARMS:
+        found = found._replace(ranked=[found.ranked[0]._replace(pose=pose), *found.ranked[1:]])
+    return found, deviation * found.unit
 
 
 def refined_by_noise(model: Model, pose: Pose) -> tuple[Pose, float]:
@@ -344,14 +399,18 @@ def stars(p: FloatArray, q: FloatArray, turns: FloatArray, vertices: IntArray) -
         members = np.flatnonzero(joined[i])
         if len(members):
             sets = [np.concatenate([[i], members]), *(np.array([i, j]) for j in members[:PAIRS])]
-            poses += [fit_posed(p[rows], q[rows], turns[rows].sum(axis=0)) for rows in sets]
+            drawn = (SIGMA / FRAME_SIGMA) ** 2
+            poses += [
+                fit_posed(p[rows], q[rows], np.ones(len(rows)), drawn * turns[rows].sum(axis=0))
+                for rows in sets
+            ]
     return poses
 
 
-def fit_posed(p: FloatArray, q: FloatArray, turns: FloatArray) -> Pose:
-    """Least squares of points, and of frames given as the sum of the rotations they propose."""
-    p_mean, q_mean = p.mean(axis=0), q.mean(axis=0)
-    rotation = nearest_rotation((p - p_mean).T @ (q - q_mean) + (SIGMA / FRAME_SIGMA) ** 2 * turns.T)
+def fit_posed(p: FloatArray, q: FloatArray, weight: FloatArray, turns: FloatArray) -> Pose:
+    """Least squares of points, and of frames given as the weighted sum of the rotations they propose."""
+    p_mean, q_mean = np.average(p, axis=0, weights=weight), np.average(q, axis=0, weights=weight)
+    rotation = nearest_rotation(((p - p_mean) * weight[:, None]).T @ (q - q_mean) + turns.T)
     return Pose(rotation, q_mean - rotation @ p_mean)
 
 
@@ -466,7 +525,8 @@ def refine(pose: Pose, model: Model, deviations: list[float]) -> Pose:
             break
         weight = posterior(model.levels(pose)[near] - squares[near] / (2.0 * sigma**2))
         weight *= 1.0 if model.weight is None else model.weight[near]
-        pose = weighted_kabsch(model.p[near], model.q[near], weight)
+        turns = (sigma / FRAME_SIGMA) ** 2 / 2.0 * model.drawing(pose, near, weight)
+        pose = fit_posed(model.p[near], model.q[near], weight, turns)
     return pose
 
 

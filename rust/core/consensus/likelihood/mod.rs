@@ -12,7 +12,7 @@ pub mod levels;
 use nalgebra::{Matrix3, Point3};
 
 use crate::error::Result;
-use crate::geometry::rigid::{Rigid, fit_weighted, fixes_rotation};
+use crate::geometry::rigid::{Rigid, fit_posed, fixes_rotation};
 use crate::memory;
 use crate::points::Points;
 use crate::simd::{self, DOUBLES};
@@ -238,19 +238,38 @@ impl Likelihood {
         Ok(pose)
     }
 
+    /// Frames that agree with the pose draw its rotation to what they propose.
     fn refit(&self, pose: &Rigid, deviation: f64) -> Result<Option<Rigid>> {
         let (limit, factor) = ((REFINED * deviation).powi(2), 0.5 / (deviation * deviation));
         let (mut p, mut q, mut weights) = (Vec::new(), Vec::new(), Vec::new());
+        let mut turns = Matrix3::zeros();
         let levels = self.levels_under(pose)?;
         for (i, square) in self.squared_residuals(pose)?.into_iter().enumerate() {
             if square < limit {
                 let (start, end) = self.points(i);
+                let weight = self.weight(i) * posterior(levels[i] - factor * square);
                 memory::push(&mut p, start)?;
                 memory::push(&mut q, end)?;
-                memory::push(&mut weights, self.weight(i) * posterior(levels[i] - factor * square))?;
+                memory::push(&mut weights, weight)?;
+                if let Some(rotation) = self.agreeing_frames(i, pose) {
+                    turns += rotation * weight;
+                }
             }
         }
-        Ok(fixes_rotation(&p, &q).then(|| fit_weighted(&p, &q, &weights)))
+        turns *= 0.5 * (deviation / self.frame_term.deviation).powi(2);
+        Ok(fixes_rotation(&p, &q).then(|| fit_posed(&p, &q, &weights, &turns)))
+    }
+
+    /// The rotation that the frames of a correspondence propose, if they say more for the pose than wrong ones do.
+    fn agreeing_frames(&self, i: usize, pose: &Rigid) -> Option<Matrix3<f64>> {
+        if self.details.is_empty() {
+            return None;
+        }
+        let detail = groups::terms(&self.details, i);
+        let rotation = Matrix3::from_row_slice(&detail[1..]);
+        let (most, slope) = self.frame_term.bonus();
+        let cosine = 0.5 * (rotation.dot(&pose.rotation) - 1.0);
+        (most > slope * (1.0 - cosine)).then_some(rotation)
     }
 
     /// `|R p + t - q|^2` of each correspondence.
@@ -342,6 +361,26 @@ mod tests {
         assert!((0..30).all(|i| (posteriors[i] - posterior(1.0 + said(i))).abs() < 1e-12));
         assert_eq!(framed.between(&source, &source)?.len(), 30);
         assert!(framed.without_supporters(&STILL())?.is_empty());
+        Ok(())
+    }
+
+    #[test]
+    fn frames_that_agree_draw_the_fit_to_what_they_propose() -> Result<()> {
+        let source = points(40)?;
+        let turned = |angle: f64| Rotation3::new(Vector3::z() * angle);
+        let moved: Vec<[f64; 3]> = (0..40).map(|i| (turned(0.02) * source.get(i)).into()).collect();
+        let target = Points::from_rows("target", &moved)?;
+        let term = FrameTerm { gain: 3.0, loss: -0.7, deviation: 0.02 };
+        let refined = |frames: f64| {
+            let plain = Likelihood::new(&source, &target, &[5.0; 40], 1.0, 3.0)?;
+            let framed = plain.with_frames(&[Some(turned(frames).into_inner()); 40], &[1.0; 40], term)?;
+            framed.refined(&STILL(), [1.0; 10].into_iter())
+        };
+        let turn = |pose: &Rigid| pose.rotation[(1, 0)].asin();
+        assert!((turn(&refined(0.02)?) - 0.02).abs() < 1e-9);
+        // Points 50 from the axis and frames are about equally sure of the angle.
+        assert!((turn(&refined(0.0)?) - 0.01).abs() < 1e-3);
+        assert!((turn(&refined(1.0)?) - 0.02).abs() < 1e-9);
         Ok(())
     }
 

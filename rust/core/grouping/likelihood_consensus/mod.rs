@@ -20,7 +20,9 @@
 //! 8. The number of false alarms, and further instances (`confidence.rs`).
 //!
 //! Where no tolerance is given, steps 1 to 8 are done with several, twice as large each, from the likeliest one on both
-//! ways, until one answer is sure. The noise is estimated under it, and the pose refined by that (`noise.rs`).
+//! ways, until one answer is sure. The noise is estimated under it, and the pose refined by that (`noise.rs`). Where it is
+//! more than the tolerance allows for, the poses that were found are judged again with the tolerance that belongs to it.
+//! Where no answer is sure, that of 3 resolutions stays, or without a resolution the one of the fewest false alarms.
 //!
 //! Cost O(n^2) tests of pairs, and O(n) a hypothesis.
 
@@ -66,6 +68,9 @@ const RESOLUTIONS: f64 = 3.0;
 /// Powers of two by which other tolerances are tried, where a resolution is given and where none is.
 const OCTAVES: (i32, i32) = (2, 4);
 
+/// A tolerance is too small for noise of more than this many times its deviation.
+const TOO_SMALL: f64 = 1.5;
+
 /// Correspondences whose cliques are sought.
 const MOST_VERTICES: usize = 2_500;
 
@@ -85,6 +90,7 @@ method! {
 }
 
 /// Matched points and what all steps share.
+#[derive(Clone, Copy)]
 struct Problem<'a> {
     source: &'a Points,
     target: &'a Points,
@@ -112,11 +118,16 @@ struct Answer {
 
 /// What was found with one tolerance.
 struct Attempt<'a> {
+    joined: Joined,
+    hypotheses: usize,
+    judged: Judged<'a>,
+}
+
+/// Hypotheses by the measure of one tolerance.
+struct Judged<'a> {
     problem: Problem<'a>,
     likelihood: Likelihood,
     answer: Answer,
-    hypotheses: usize,
-    vertices: usize,
     false_alarms: f64,
 }
 
@@ -124,19 +135,22 @@ impl GroupingMethod for LikelihoodConsensus {
     fn run(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
         let tolerances = self.tolerances(correspondences, execution)?;
         let mut found = self.attempt(correspondences, tolerances[0], execution)?;
+        let is_told = correspondences.resolution().is_some();
         // Each of several tolerances could have found by chance what one did.
         let tried = tolerances.len() as f64;
         for tolerance in &tolerances[1..] {
-            if found.false_alarms * tried < MOST_FALSE_ALARMS {
+            if found.judged.is_sure(tried) {
                 break;
             }
             let other = self.attempt(correspondences, *tolerance, execution)?;
-            if other.false_alarms < found.false_alarms {
+            let is_likelier = other.judged.false_alarms < found.judged.false_alarms;
+            if other.judged.is_sure(tried) || (is_likelier && !is_told) {
                 found = other;
             }
         }
-        found.false_alarms *= tried;
-        let noise = if tolerances.len() > 1 { found.refine_by_noise()? } else { None };
+        let noise =
+            if tolerances.len() > 1 { self.suit_noise(correspondences, &mut found, tried)? } else { None };
+        found.judged.false_alarms *= tried;
         let grouping = found.report(self.instances)?;
         Ok(Grouping { noise, ..grouping })
     }
@@ -164,44 +178,90 @@ impl LikelihoodConsensus {
     ) -> Result<Attempt<'a>> {
         let (source, target) = correspondences.positions("lc")?;
         let problem = Problem { source, target, tolerance, modes: self.modes, execution };
-        let levels = levels(source, target, correspondences.optional_ratio(), CHANCE * tolerance, execution)?;
-        let likelihood = Likelihood::new(source, target, &levels, DEVIATION * tolerance, REACH * tolerance)?;
         let joined = problem.join()?;
         let cliques = problem.cliques(&joined, target, SEEDS)?;
-        let ranked = problem.rank(&likelihood, &cliques)?;
+        let judged = self.judge(correspondences, problem, &joined, &cliques)?;
+        Ok(Attempt { joined, hypotheses: cliques.len(), judged })
+    }
+
+    /// Refines the best pose, if it is sure, by the noise under it, and returns that. Where the tolerance is too small for it,
+    /// what was found is judged anew with the one that suits, unless it is not sure then.
+    fn suit_noise(
+        &self,
+        correspondences: &Correspondences,
+        found: &mut Attempt<'_>,
+        tried: f64,
+    ) -> Result<Option<f64>> {
+        let noise = found.judged.refine_by_noise(tried)?;
+        let Judged { problem, answer, .. } = &found.judged;
+        let Some(deviation) = noise else { return Ok(None) };
+        if deviation < TOO_SMALL * DEVIATION * problem.tolerance {
+            return Ok(noise);
+        }
+        let poses = memory::collect(answer.ranked.iter().map(|one| one.mode.pose))?;
+        let problem = Problem { tolerance: deviation / DEVIATION, ..*problem };
+        let mut wider = self.judge(correspondences, problem, &found.joined, &poses)?;
+        if !wider.is_sure(tried) {
+            return Ok(noise);
+        }
+        let noise = wider.refine_by_noise(tried)?;
+        found.judged = wider;
+        Ok(noise)
+    }
+
+    fn judge<'a>(
+        &self,
+        correspondences: &Correspondences,
+        problem: Problem<'a>,
+        joined: &Joined,
+        hypotheses: &[Rigid],
+    ) -> Result<Judged<'a>> {
+        let Problem { source, target, tolerance, execution, .. } = problem;
+        let levels = levels(source, target, correspondences.optional_ratio(), CHANCE * tolerance, execution)?;
+        let likelihood = Likelihood::new(source, target, &levels, DEVIATION * tolerance, REACH * tolerance)?;
+        let ranked = problem.rank(&likelihood, hypotheses)?;
         let rotations = frames::proposed_rotations(correspondences)?;
         let judge = Judge { problem: &problem, likelihood: &likelihood };
         let mut answer = Answer { likelihood: likelihood.copied()?, ranked, by_frames: false };
         if let Some(rotations) = &rotations {
-            answer = frames::with_frames(&judge, answer, rotations, &joined, &cliques)?;
+            answer = frames::with_frames(&judge, answer, rotations, joined, hypotheses)?;
         }
-        let false_alarms = judge.expected(&answer.ranked, self.tolerance.is_none().then_some(&joined))?;
-        let (hypotheses, vertices) = (cliques.len(), joined.vertices.len());
-        Ok(Attempt { problem, likelihood, answer, hypotheses, vertices, false_alarms })
+        let false_alarms = judge.expected(&answer.ranked, self.tolerance.is_none().then_some(joined))?;
+        Ok(Judged { problem, likelihood, answer, false_alarms })
+    }
+}
+
+impl Judged<'_> {
+    /// Whether the best pose is no chance, of as many tolerances as were tried.
+    fn is_sure(&self, tried: f64) -> bool {
+        self.false_alarms * tried < MOST_FALSE_ALARMS
+    }
+
+    /// Refines the best pose, if it is sure, by the noise under it, and returns that.
+    fn refine_by_noise(&mut self, tried: f64) -> Result<Option<f64>> {
+        let is_sure = self.is_sure(tried);
+        let Some(best) = self.answer.ranked.first_mut() else { return Ok(None) };
+        let (pose, noise) = noise::refined(&self.problem, &self.answer.likelihood, &best.mode.pose)?;
+        if is_sure {
+            best.mode.pose = pose;
+        }
+        Ok(Some(noise))
     }
 }
 
 impl Attempt<'_> {
-    /// Refines the best pose by the noise under it, and returns that.
-    fn refine_by_noise(&mut self) -> Result<Option<f64>> {
-        let Some(best) = self.answer.ranked.first_mut() else { return Ok(None) };
-        let (pose, noise) = noise::refined(&self.problem, &self.answer.likelihood, &best.mode.pose)?;
-        best.mode.pose = pose;
-        Ok(Some(noise))
-    }
-
     fn report(&self, instances: usize) -> Result<Grouping> {
-        let Self { problem, answer, .. } = self;
-        let judge = Judge { problem, likelihood: &self.likelihood };
-        let grouping = judge.judged(problem.report(answer)?, answer, instances, self.false_alarms)?;
+        let Judged { problem, likelihood, answer, false_alarms } = &self.judged;
+        let judge = Judge { problem, likelihood };
+        let grouping = judge.judged(problem.report(answer)?, answer, instances, *false_alarms)?;
         let rule = Rule::bounded(Kind::Residual, problem.group_radius()).or_equal();
         let grouping = grouping.by(rule.agreeing(Agreement::difference(problem.tolerance)));
         let grouping = grouping.with("resolution", problem.tolerance / RESOLUTIONS);
-        let dimensions = self.dimensions(&grouping.mask)?;
+        let dimensions = problem.dimensions(&grouping.mask)?;
         let grouping = grouping.with("dimensions", dimensions as f64);
         let grouping = grouping.with("hypotheses", self.hypotheses as f64);
         let grouping = grouping.with("by_frames", f64::from(u8::from(answer.by_frames)));
-        Ok(grouping.with("vertices", self.vertices as f64))
+        Ok(grouping.with("vertices", self.joined.vertices.len() as f64))
     }
 }
 
@@ -220,6 +280,22 @@ impl Problem<'_> {
         let ranked = memory::collect(modes.into_iter().zip(landings).map(rank))?;
         let order = largest(&memory::collect(ranked.iter().map(|one| one.score))?, ranked.len())?;
         memory::collect(order.into_iter().map(|k| ranked[k]))
+    }
+
+    /// Directions in which the group's source points spread by more than twice the noise that is allowed for: 3 for a body,
+    /// 2 for one plane, 1 for one line.
+    fn dimensions(&self, mask: &[bool]) -> Result<usize> {
+        let source = self.source;
+        let rows = memory::collect((0..mask.len()).filter(|&i| mask[i]))?;
+        let count = rows.len().max(1) as f64;
+        let mean = rows.iter().map(|&i| source.get(i).coords).sum::<Vector3<f64>>() / count;
+        let scatter = |&i: &usize| {
+            let offset = source.get(i).coords - mean;
+            offset * offset.transpose()
+        };
+        let covariance = rows.iter().map(scatter).sum::<Matrix3<f64>>() / count;
+        let least = (2.0 * DEVIATION * self.tolerance).powi(2);
+        Ok(covariance.symmetric_eigenvalues().iter().filter(|&&variance| variance > least).count())
     }
 
     /// Greatest residual in a group.
@@ -254,24 +330,6 @@ impl Problem<'_> {
         };
         let supporters = best.mode.support.supporters as f64;
         Ok(grouping.with("score", best.score).with("supporters", supporters))
-    }
-}
-
-impl Attempt<'_> {
-    /// Directions in which the group's source points spread by more than twice the noise that is allowed for: 3 for a body,
-    /// 2 for one plane, 1 for one line.
-    fn dimensions(&self, mask: &[bool]) -> Result<usize> {
-        let source = self.problem.source;
-        let rows = memory::collect((0..mask.len()).filter(|&i| mask[i]))?;
-        let count = rows.len().max(1) as f64;
-        let mean = rows.iter().map(|&i| source.get(i).coords).sum::<Vector3<f64>>() / count;
-        let scatter = |&i: &usize| {
-            let offset = source.get(i).coords - mean;
-            offset * offset.transpose()
-        };
-        let covariance = rows.iter().map(scatter).sum::<Matrix3<f64>>() / count;
-        let least = (2.0 * DEVIATION * self.problem.tolerance).powi(2);
-        Ok(covariance.symmetric_eigenvalues().iter().filter(|&&variance| variance > least).count())
     }
 }
 
