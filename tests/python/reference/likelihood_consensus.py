@@ -37,10 +37,10 @@ number of targets within 5 u of the 1,000 source points as the pose lays them, a
 target mirrored at x = 0 has more than 0.9 times the k' of the best, after 5 rounds of refinement: one that fits the supporters
 of one of the ten best poses, or, without a tolerance, of the cliques of the 100 heaviest edges the one with the greatest score.
 
-Without a tolerance: all of this with u = 1 pr, and until the number of false alarms times the 5 tolerances there are is below 0.01, with u
+Without a tolerance: all of this, frames aside, with u = 1 pr, and until the number of false alarms times the 5 tolerances there are is below 0.01, with u
 twice as large, half, 4 times, a quarter; without a resolution u = 0.8 / 3 of the lesser of both sides' mean distance of
 nearest points (those that coincide aside), up to 16 times and a sixteenth. Where none is below 0.01, that of 1 pr counts, or without a
-resolution the one with the fewest false alarms; times 5 or 9. Under its best pose, of radii 5 u 2^(k/2), k = -8 .. 8, from k = 0 on the one with the least number of false alarms is sought that
+resolution the one with the fewest false alarms; times 5 or 9. Frames count with that one alone. Under its best pose, of radii 5 u 2^(k/2), k = -8 .. 8, from k = 0 on the one with the least number of false alarms is sought that
 is no greater than that of the 2 next ones on both sides. For each, the pose is refined by 5 rounds, deviation from 1.6 times
 0.54 radii down to that; supporters are those within the radius, apart 7/5 radii. That deviation is the noise, and where the false alarms are
 below 0.01, that pose the best. There, too, noise of more than 1.5 sigma has the poses of all modes judged again, as hypotheses in place of
@@ -173,7 +173,7 @@ def lc(
     rows = None if ratio is None else as_rows(ratio)
 
     def look(length: float) -> Attempt:
-        return attempt(p_raw, q_raw, rows, turns, length / 3.0, modes, 0 if tolerance else MIRRORED_EDGES)
+        return attempt(p_raw, q_raw, rows, length / 3.0, modes, 0 if tolerance else MIRRORED_EDGES)
 
     lengths = [tolerance] if tolerance is not None else tolerances(p_raw, q_raw, resolution)
     found = look(lengths[0])
@@ -185,25 +185,26 @@ def lc(
             resolution is None and other.expected < found.expected
         ):
             found = other
+    found = count_frames(found, turns, modes)
     noise = None
     if tolerance is None and found.ranked:
         found, noise = suited(found, rows, turns, modes, len(lengths))
-    expected = found.expected * len(lengths)
+    false_alarms = found.expected * len(lengths)
     model, counted, ranked = found.model, found.counted, found.ranked
     mask, scores = np.zeros(len(p_raw), dtype=bool), np.zeros(len(p_raw))
     if ranked:
         best = ranked[0].pose
         mask, scores = model.squares(best) <= 5.0**2, posterior(counted.log_odds(best))
-    ok = bool(expected < MOST_ALARMS)
+    ok = bool(false_alarms < MOST_ALARMS)
     return ReferenceGrouping(
         mask,
         scores,
         None,
-        {"hypotheses": found.hypotheses, "resolution": found.unit},
+        {"hypotheses": len(found.hypotheses), "resolution": found.unit},
         np.array([in_data(one.pose, p_raw, q_raw, found.unit) for one in ranked]).reshape(-1, 4, 4),
         np.array([one.score for one in ranked]),
         ok=ok,
-        false_alarms=float(expected),
+        false_alarms=float(false_alarms),
         noise=noise,
         instances=find_instances(model, ranked, instances if ok else 0) if instances > 1 else None,
     )
@@ -238,14 +239,13 @@ class Attempt(NamedTuple):
     expected: float
     kept: IntArray
     mirrored: list[IntArray]
-    hypotheses: int
+    hypotheses: list[Pose]
 
 
 def attempt(
     p_raw: FloatArray,
     q_raw: FloatArray,
     ratio: FloatArray | None,
-    turns: FloatArray,
     unit: float,
     modes: int,
     mirrored_edges: int,
@@ -257,14 +257,13 @@ def attempt(
     found = [kept[clique] for clique in cliques(joined, EDGES)]
     hypotheses = [weighted_kabsch(p[c], q[c], np.ones(len(c))) for c in found if fixes_rotation(p[c], q[c])]
     mirrored = [kept[clique] for clique in cliques(joined, mirrored_edges)]
-    return judge(p, q, ratio, turns, unit, modes, hypotheses, kept, mirrored)
+    return judge(p, q, ratio, unit, modes, hypotheses, kept, mirrored)
 
 
 def judge(
     p: FloatArray,
     q: FloatArray,
     ratio: FloatArray | None,
-    turns: FloatArray,
     unit: float,
     modes: int,
     hypotheses: list[Pose],
@@ -272,13 +271,25 @@ def judge(
     mirrored: list[IntArray],
 ) -> Attempt:
     model = Model(p, q, levels(p, q, ratio))
-    counted, ranked = model, rank(model, hypotheses, modes)
-    if np.isfinite(turns).any():
-        counted, ranked = with_frames((model, ranked), turns, hypotheses, kept, modes)
-    expected = np.inf
-    if ranked and not equalled(model, ranked, mirrored):
-        expected = alarms(model, ranked[0], np.zeros(len(p), dtype=bool))
-    return Attempt(unit, model, counted, ranked, expected, kept, mirrored, len(hypotheses))
+    ranked = rank(model, hypotheses, modes)
+    return Attempt(unit, model, model, ranked, expected(model, ranked, mirrored), kept, mirrored, hypotheses)
+
+
+def expected(model: Model, ranked: list[Ranked], mirrored: list[IntArray]) -> float:
+    if not ranked or equalled(model, ranked, mirrored):
+        return np.inf
+    return alarms(model, ranked[0], np.zeros(len(model.p), dtype=bool))
+
+
+def count_frames(found: Attempt, turns: FloatArray, modes: int) -> Attempt:
+    """Return what was found with frames, where they count."""
+    if not np.isfinite(turns).any():
+        return found
+    answer = found.model, found.ranked
+    counted, ranked = with_frames(answer, turns, found.hypotheses, found.kept, modes)
+    return found._replace(
+        counted=counted, ranked=ranked, expected=expected(found.model, ranked, found.mirrored)
+    )
 
 
 def suited(
@@ -291,10 +302,11 @@ def suited(
     factor = SIGMA * found.unit / noise
     poses = [Pose(one.pose.rotation, one.pose.translation * factor) for one in refined.ranked]
     p, q = found.model.p * factor, found.model.q * factor
-    wider = judge(p, q, ratio, turns, noise / SIGMA, modes, poses, found.kept, found.mirrored)
+    wider = judge(p, q, ratio, noise / SIGMA, modes, poses, found.kept, found.mirrored)
+    wider = count_frames(wider, turns, modes)
     if wider.expected * tried >= MOST_ALARMS:
         return refined, noise
-    return with_noise(wider._replace(hypotheses=found.hypotheses), tried)
+    return with_noise(wider, tried)
 
 
 def with_noise(found: Attempt, tried: int) -> tuple[Attempt, float]:

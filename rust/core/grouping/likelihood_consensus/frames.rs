@@ -46,17 +46,17 @@ fn agrees(rotation: &Matrix3<f64>, pose: &Rigid) -> bool {
     rotation.dot(&pose.rotation) > 1.0 + 2.0 * FRAME_ANGLE.cos()
 }
 
-/// The answer where frames count, or else the one by position.
+/// The answer where frames count; `None` where the one by position stays.
 pub fn with_frames(
     judge: &Judge,
-    by_position: Answer,
+    by_position: &Answer,
     rotations: &[Option<Matrix3<f64>>],
     joined: &Joined,
     cliques: &[Rigid],
-) -> Result<Answer> {
+) -> Result<Option<Answer>> {
     let share = share(judge, &by_position.ranked, rotations)?;
     if share.is_some_and(|share| share < LEAST_SHARE) {
-        return Ok(by_position);
+        return Ok(None);
     }
     let problem = judge.problem;
     let mut hypotheses = memory::copied(cliques)?;
@@ -65,11 +65,11 @@ pub fn with_frames(
     let by_frames = Answer { ranked: problem.rank(&likelihood, &hypotheses)?, likelihood, by_frames: true };
     let alarms =
         |answer: &Answer| answer.ranked.first().map(|best| judge.false_alarms(best, &[])).transpose();
-    let is_worse = match (alarms(&by_position)?, alarms(&by_frames)?) {
+    let is_worse = match (alarms(by_position)?, alarms(&by_frames)?) {
         (Some(before), Some(after)) => ADVANTAGE * before <= after,
         (before, _) => before.is_some(),
     };
-    Ok(if share.is_none() && is_worse { by_position } else { by_frames })
+    Ok((share.is_some() || !is_worse).then_some(by_frames))
 }
 
 /// The share of the supporters, of the poses that are no chance, whose frames agree; `None` without such a pose.

@@ -19,8 +19,8 @@
 //! 7. The group: residuals of at most 5 under it.
 //! 8. The number of false alarms, and further instances (`confidence.rs`).
 //!
-//! Where no tolerance is given, steps 1 to 8 are done with several, twice as large each, from the likeliest one on both
-//! ways, until one answer is sure. The noise is estimated under it, and the pose refined by that (`noise.rs`). Where it is
+//! Where no tolerance is given, steps 1 to 8 are done, without 5, with several, twice as large each, from the likeliest one on both
+//! ways, until one answer is sure, and 5 with that one. The noise is estimated under it, and the pose refined by that (`noise.rs`). Where it is
 //! more than the tolerance allows for, the poses that were found are judged again with the tolerance that belongs to it.
 //! Where no answer is sure, that of 3 resolutions stays, or without a resolution the one of the fewest false alarms.
 //!
@@ -29,6 +29,8 @@
 mod confidence;
 mod frames;
 mod noise;
+
+use std::rc::Rc;
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -118,14 +120,9 @@ struct Answer {
 
 /// What was found with one tolerance.
 struct Attempt<'a> {
-    joined: Joined,
-    hypotheses: usize,
-    judged: Judged<'a>,
-}
-
-/// Hypotheses by the measure of one tolerance.
-struct Judged<'a> {
     problem: Problem<'a>,
+    joined: Rc<Joined>,
+    hypotheses: Vec<Rigid>,
     likelihood: Likelihood,
     answer: Answer,
     false_alarms: f64,
@@ -133,26 +130,38 @@ struct Judged<'a> {
 
 impl GroupingMethod for LikelihoodConsensus {
     fn run(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
+        let (source, target) = correspondences.positions("lc")?;
         let tolerances = self.tolerances(correspondences, execution)?;
-        let mut found = self.attempt(correspondences, tolerances[0], execution)?;
-        let is_told = correspondences.resolution().is_some();
         // Each of several tolerances could have found by chance what one did.
         let tried = tolerances.len() as f64;
-        for tolerance in &tolerances[1..] {
-            if found.judged.is_sure(tried) {
+        let is_told = correspondences.resolution().is_some();
+        let mut best: Option<Attempt<'_>> = None;
+        for tolerance in tolerances {
+            if best.as_ref().is_some_and(|best| best.is_sure(tried)) {
                 break;
             }
-            let other = self.attempt(correspondences, *tolerance, execution)?;
-            let is_likelier = other.judged.false_alarms < found.judged.false_alarms;
-            if other.judged.is_sure(tried) || (is_likelier && !is_told) {
-                found = other;
+            let problem = Problem { source, target, tolerance, modes: self.modes, execution };
+            let joined = Rc::new(problem.join()?);
+            let cliques = problem.cliques(&joined, target, SEEDS)?;
+            let found = self.judge(correspondences, problem, joined, cliques)?;
+            let is_likelier = |best: &Attempt<'_>| found.false_alarms < best.false_alarms && !is_told;
+            if best.as_ref().is_none_or(|best| found.is_sure(tried) || is_likelier(best)) {
+                best = Some(found);
             }
         }
-        let noise =
-            if tolerances.len() > 1 { self.suit_noise(correspondences, &mut found, tried)? } else { None };
-        found.judged.false_alarms *= tried;
-        let grouping = found.report(self.instances)?;
-        Ok(Grouping { noise, ..grouping })
+        let Some(mut found) = best else { return Grouping::empty(source.len()) };
+        let rotations = frames::proposed_rotations(correspondences)?;
+        self.count_frames(&mut found, rotations.as_deref())?;
+        let mut noise = None;
+        if self.tolerance.is_none() {
+            noise = found.refine_by_noise(tried)?;
+            if let Some(wider) = self.suited(correspondences, &found, rotations.as_deref(), tried, noise)? {
+                found = wider;
+                noise = found.refine_by_noise(tried)?;
+            }
+        }
+        found.false_alarms *= tried;
+        Ok(Grouping { noise, ..found.report(self.instances)? })
     }
 }
 
@@ -170,68 +179,72 @@ impl LikelihoodConsensus {
         Ok(std::iter::once(0).chain(both).map(|octave| first * 2.0_f64.powi(octave)).collect())
     }
 
-    fn attempt<'a>(
-        &self,
-        correspondences: &'a Correspondences,
-        tolerance: f64,
-        execution: &'a Execution,
-    ) -> Result<Attempt<'a>> {
-        let (source, target) = correspondences.positions("lc")?;
-        let problem = Problem { source, target, tolerance, modes: self.modes, execution };
-        let joined = problem.join()?;
-        let cliques = problem.cliques(&joined, target, SEEDS)?;
-        let judged = self.judge(correspondences, problem, &joined, &cliques)?;
-        Ok(Attempt { joined, hypotheses: cliques.len(), judged })
-    }
-
-    /// Refines the best pose, if it is sure, by the noise under it, and returns that. Where the tolerance is too small for it,
-    /// what was found is judged anew with the one that suits, unless it is not sure then.
-    fn suit_noise(
-        &self,
-        correspondences: &Correspondences,
-        found: &mut Attempt<'_>,
-        tried: f64,
-    ) -> Result<Option<f64>> {
-        let noise = found.judged.refine_by_noise(tried)?;
-        let Judged { problem, answer, .. } = &found.judged;
-        let Some(deviation) = noise else { return Ok(None) };
-        if deviation < TOO_SMALL * DEVIATION * problem.tolerance {
-            return Ok(noise);
-        }
-        let poses = memory::collect(answer.ranked.iter().map(|one| one.mode.pose))?;
-        let problem = Problem { tolerance: deviation / DEVIATION, ..*problem };
-        let mut wider = self.judge(correspondences, problem, &found.joined, &poses)?;
-        if !wider.is_sure(tried) {
-            return Ok(noise);
-        }
-        let noise = wider.refine_by_noise(tried)?;
-        found.judged = wider;
-        Ok(noise)
-    }
-
+    /// Hypotheses by position, by the measure of a problem's tolerance.
     fn judge<'a>(
         &self,
         correspondences: &Correspondences,
         problem: Problem<'a>,
-        joined: &Joined,
-        hypotheses: &[Rigid],
-    ) -> Result<Judged<'a>> {
+        joined: Rc<Joined>,
+        hypotheses: Vec<Rigid>,
+    ) -> Result<Attempt<'a>> {
         let Problem { source, target, tolerance, execution, .. } = problem;
         let levels = levels(source, target, correspondences.optional_ratio(), CHANCE * tolerance, execution)?;
         let likelihood = Likelihood::new(source, target, &levels, DEVIATION * tolerance, REACH * tolerance)?;
-        let ranked = problem.rank(&likelihood, hypotheses)?;
-        let rotations = frames::proposed_rotations(correspondences)?;
-        let judge = Judge { problem: &problem, likelihood: &likelihood };
-        let mut answer = Answer { likelihood: likelihood.copied()?, ranked, by_frames: false };
-        if let Some(rotations) = &rotations {
-            answer = frames::with_frames(&judge, answer, rotations, joined, hypotheses)?;
+        let ranked = problem.rank(&likelihood, &hypotheses)?;
+        let answer = Answer { likelihood: likelihood.copied()?, ranked, by_frames: false };
+        let false_alarms = f64::INFINITY;
+        let mut found = Attempt { problem, joined, hypotheses, likelihood, answer, false_alarms };
+        found.false_alarms = self.expected(&found)?;
+        Ok(found)
+    }
+
+    /// Number of false alarms with one tolerance.
+    fn expected(&self, found: &Attempt<'_>) -> Result<f64> {
+        found.judge().expected(&found.answer.ranked, self.tolerance.is_none().then_some(&*found.joined))
+    }
+
+    /// Lets frames count where there are any.
+    fn count_frames(
+        &self,
+        found: &mut Attempt<'_>,
+        rotations: Option<&[Option<Matrix3<f64>>]>,
+    ) -> Result<()> {
+        let Some(rotations) = rotations else { return Ok(()) };
+        let (judge, by_position) = (found.judge(), &found.answer);
+        let counted = frames::with_frames(&judge, by_position, rotations, &found.joined, &found.hypotheses)?;
+        if let Some(answer) = counted {
+            found.answer = answer;
+            found.false_alarms = self.expected(found)?;
         }
-        let false_alarms = judge.expected(&answer.ranked, self.tolerance.is_none().then_some(joined))?;
-        Ok(Judged { problem, likelihood, answer, false_alarms })
+        Ok(())
+    }
+
+    /// What was found, judged anew with the tolerance that suits the noise, where its own is too small and this is sure.
+    fn suited<'a>(
+        &self,
+        correspondences: &Correspondences,
+        found: &Attempt<'a>,
+        rotations: Option<&[Option<Matrix3<f64>>]>,
+        tried: f64,
+        noise: Option<f64>,
+    ) -> Result<Option<Attempt<'a>>> {
+        let Some(noise) = noise.filter(|noise| *noise > TOO_SMALL * DEVIATION * found.problem.tolerance)
+        else {
+            return Ok(None);
+        };
+        let poses = memory::collect(found.answer.ranked.iter().map(|one| one.mode.pose))?;
+        let problem = Problem { tolerance: noise / DEVIATION, ..found.problem };
+        let mut wider = self.judge(correspondences, problem, Rc::clone(&found.joined), poses)?;
+        self.count_frames(&mut wider, rotations)?;
+        Ok(wider.is_sure(tried).then_some(wider))
     }
 }
 
-impl Judged<'_> {
+impl Attempt<'_> {
+    fn judge(&self) -> Judge<'_> {
+        Judge { problem: &self.problem, likelihood: &self.likelihood }
+    }
+
     /// Whether the best pose is no chance, of as many tolerances as were tried.
     fn is_sure(&self, tried: f64) -> bool {
         self.false_alarms * tried < MOST_FALSE_ALARMS
@@ -247,19 +260,16 @@ impl Judged<'_> {
         }
         Ok(Some(noise))
     }
-}
 
-impl Attempt<'_> {
     fn report(&self, instances: usize) -> Result<Grouping> {
-        let Judged { problem, likelihood, answer, false_alarms } = &self.judged;
-        let judge = Judge { problem, likelihood };
-        let grouping = judge.judged(problem.report(answer)?, answer, instances, *false_alarms)?;
+        let Self { problem, answer, false_alarms, .. } = self;
+        let grouping = self.judge().judged(problem.report(answer)?, answer, instances, *false_alarms)?;
         let rule = Rule::bounded(Kind::Residual, problem.group_radius()).or_equal();
         let grouping = grouping.by(rule.agreeing(Agreement::difference(problem.tolerance)));
         let grouping = grouping.with("resolution", problem.tolerance / RESOLUTIONS);
         let dimensions = problem.dimensions(&grouping.mask)?;
         let grouping = grouping.with("dimensions", dimensions as f64);
-        let grouping = grouping.with("hypotheses", self.hypotheses as f64);
+        let grouping = grouping.with("hypotheses", self.hypotheses.len() as f64);
         let grouping = grouping.with("by_frames", f64::from(u8::from(answer.by_frames)));
         Ok(grouping.with("vertices", self.joined.vertices.len() as f64))
     }
