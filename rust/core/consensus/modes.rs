@@ -144,6 +144,11 @@ fn distinct(modes: impl Iterator<Item = Mode>, source: &Points, tolerance: f64) 
     Ok(kept)
 }
 
+/// Root mean square over the points of the distance between where two poses lay them.
+pub fn displacement(a: &Rigid, b: &Rigid, source: &Points) -> f64 {
+    mean_square(a, b, &scatter(source)).sqrt()
+}
+
 /// Mean of `p p^T` over the centred points.
 fn scatter(points: &Points) -> Matrix3<f64> {
     let mut sum = Matrix3::zeros();

@@ -37,10 +37,12 @@ number of targets within 5 u of the 1,000 source points as the pose lays them, a
 target mirrored at x = 0 has more than 0.9 times the k' of the best, after 5 rounds of refinement: one that fits the supporters
 of one of the ten best poses, or, without a tolerance, of the cliques of the 100 heaviest edges the one with the greatest score.
 
-Without a tolerance: all of this, frames aside, with u = 1 pr, and until the number of false alarms times the 5 tolerances there are is below 0.01, with u
-twice as large, half, 4 times, a quarter; without a resolution u = 0.8 / 3 of the lesser of both sides' mean distance of
-nearest points (those that coincide aside), up to 16 times and a sixteenth. Where none is below 0.01, that of 1 pr counts, or without a
-resolution the one with the fewest false alarms; times 5 or 9. Frames count with that one alone. Under its best pose, of radii 5 u 2^(k/2), k = -8 .. 8, from k = 0 on the one with the least number of false alarms is sought that
+Without a tolerance: all of this with u = 1 pr, and until the number of false alarms times the 5 tolerances there are is below 0.01, with u
+twice as large, half, 4 times, a quarter, frames aside. One of these that is below 0.01 makes what 1 pr found as sure as it is itself, if its best pose lays
+the points within 6 u (the greater one; root mean square) of where that one's does; it takes its place, with frames, where 1 pr finds no pose, or 6
+times the noise under that is no more than sigma. Others say nothing. Without a resolution u = 0.8 / 3 of the lesser of both sides' mean distance of
+nearest points (those that coincide aside), up to 16 times and a sixteenth, and the fewest false alarms win. False alarms count 5 or 9 times.
+Under the best pose, of radii 5 u 2^(k/2), k = -8 .. 8, from k = 0 on the one with the least number of false alarms is sought that
 is no greater than that of the 2 next ones on both sides. For each, the pose is refined by 5 rounds, deviation from 1.6 times
 0.54 radii down to that; supporters are those within the radius, apart 7/5 radii. That deviation is the noise, and where the false alarms are
 below 0.01, that pose the best. There, too, noise of more than 1.5 sigma has the poses of all modes judged again, as hypotheses in place of
@@ -176,16 +178,19 @@ def lc(
         return attempt(p_raw, q_raw, rows, length / 3.0, modes, 0 if tolerance else MIRRORED_EDGES)
 
     lengths = [tolerance] if tolerance is not None else tolerances(p_raw, q_raw, resolution)
-    found = look(lengths[0])
+    found = count_frames(look(lengths[0]), turns, modes)
     for length in lengths[1:]:
         if found.expected * len(lengths) < MOST_ALARMS:
             break
         other = look(length)
-        if other.expected * len(lengths) < MOST_ALARMS or (
-            resolution is None and other.expected < found.expected
-        ):
-            found = other
-    found = count_frames(found, turns, modes)
+        if resolution is None:
+            is_better = other.expected < found.expected
+        else:
+            is_better = other.expected * len(lengths) < MOST_ALARMS and is_near(found, other)
+        if is_better and resolution is not None and is_narrow(found):
+            found = found._replace(expected=other.expected)
+        elif is_better:
+            found = count_frames(other, turns, modes)
     noise = None
     if tolerance is None and found.ranked:
         found, noise = suited(found, rows, turns, modes, len(lengths))
@@ -307,6 +312,21 @@ def suited(
     if wider.expected * tried >= MOST_ALARMS:
         return refined, noise
     return with_noise(wider, tried)
+
+
+def is_near(found: Attempt, other: Attempt) -> bool:
+    """Return True where both have the same motion first, or the former has none."""
+    if not found.ranked or not other.ranked:
+        return not found.ranked
+    a, b = found.ranked[0].pose, other.ranked[0].pose
+    laid = found.unit * apply(a.rotation, a.translation, found.model.p)
+    laid -= other.unit * apply(b.rotation, b.translation, other.model.p)
+    return bool(np.sqrt((laid**2).sum(axis=1).mean()) < 6.0 * max(found.unit, other.unit))
+
+
+def is_narrow(found: Attempt) -> bool:
+    """Return True where 6 times the noise exceeds the deviation."""
+    return bool(found.ranked) and 6.0 * refined_by_noise(found.counted, found.ranked[0].pose)[1] > SIGMA
 
 
 def with_noise(found: Attempt, tried: int) -> tuple[Attempt, float]:

@@ -19,10 +19,11 @@
 //! 7. The group: residuals of at most 5 under it.
 //! 8. The number of false alarms, and further instances (`confidence.rs`).
 //!
-//! Where no tolerance is given, steps 1 to 8 are done, without 5, with several, twice as large each, from the likeliest one on both
-//! ways, until one answer is sure, and 5 with that one. The noise is estimated under it, and the pose refined by that (`noise.rs`). Where it is
+//! Where no tolerance is given, steps 1 to 8 are done with the likeliest one, and without frames with others, twice as large each,
+//! on both ways, until one answer is sure. The noise is estimated under it, and the pose refined by that (`noise.rs`). Where it is
 //! more than the tolerance allows for, the poses that were found are judged again with the tolerance that belongs to it.
-//! Where no answer is sure, that of 3 resolutions stays, or without a resolution the one of the fewest false alarms.
+//! Where a resolution is given, another tolerance only says whether the motion that was found is sure, unless the given one is far
+//! too great for the noise. Without one, the fewest false alarms win.
 //!
 //! Cost O(n^2) tests of pairs, and O(n) a hypothesis.
 
@@ -44,7 +45,7 @@ use crate::consensus::cliques::clique_poses;
 use crate::consensus::landing::{Landing, landings};
 use crate::consensus::likelihood::Likelihood;
 use crate::consensus::likelihood::levels::levels;
-use crate::consensus::modes::{Mode, find_modes};
+use crate::consensus::modes::{Mode, displacement, find_modes};
 use crate::error::positive;
 use crate::geometry::rigid::Rigid;
 use crate::grouping_result::{Alternative, mask_of};
@@ -70,8 +71,13 @@ const RESOLUTIONS: f64 = 3.0;
 /// Powers of two by which other tolerances are tried, where a resolution is given and where none is.
 const OCTAVES: (i32, i32) = (2, 4);
 
-/// A tolerance is too small for noise of more than this many times its deviation.
+/// A tolerance is too small for noise of more than this many times its deviation, and too great for less than one of so many
+/// parts of it.
 const TOO_SMALL: f64 = 1.5;
+const TOO_GREAT: f64 = 6.0;
+
+/// Poses that lay the source points less than this many tolerances apart (root mean square) are the same motion.
+const NEAR: f64 = 2.0;
 
 /// Correspondences whose cliques are sought.
 const MOST_VERTICES: usize = 2_500;
@@ -130,32 +136,35 @@ struct Attempt<'a> {
 
 impl GroupingMethod for LikelihoodConsensus {
     fn run(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
-        let (source, target) = correspondences.positions("lc")?;
         let tolerances = self.tolerances(correspondences, execution)?;
+        let rotations = frames::proposed_rotations(correspondences)?;
+        let rotations = rotations.as_deref();
         // Each of several tolerances could have found by chance what one did.
         let tried = tolerances.len() as f64;
         let is_told = correspondences.resolution().is_some();
-        let mut best: Option<Attempt<'_>> = None;
-        for tolerance in tolerances {
-            if best.as_ref().is_some_and(|best| best.is_sure(tried)) {
+        let mut found = self.attempt(correspondences, tolerances[0], execution)?;
+        self.count_frames(&mut found, rotations)?;
+        for tolerance in &tolerances[1..] {
+            if found.is_sure(tried) {
                 break;
             }
-            let problem = Problem { source, target, tolerance, modes: self.modes, execution };
-            let joined = Rc::new(problem.join()?);
-            let cliques = problem.cliques(&joined, target, SEEDS)?;
-            let found = self.judge(correspondences, problem, joined, cliques)?;
-            let is_likelier = |best: &Attempt<'_>| found.false_alarms < best.false_alarms && !is_told;
-            if best.as_ref().is_none_or(|best| found.is_sure(tried) || is_likelier(best)) {
-                best = Some(found);
+            let other = self.attempt(correspondences, *tolerance, execution)?;
+            let is_better = if is_told {
+                other.is_sure(tried) && found.is_near(&other)?
+            } else {
+                other.false_alarms < found.false_alarms
+            };
+            if is_better && is_told && found.is_narrow()? {
+                found.false_alarms = other.false_alarms;
+            } else if is_better {
+                found = other;
+                self.count_frames(&mut found, rotations)?;
             }
         }
-        let Some(mut found) = best else { return Grouping::empty(source.len()) };
-        let rotations = frames::proposed_rotations(correspondences)?;
-        self.count_frames(&mut found, rotations.as_deref())?;
         let mut noise = None;
         if self.tolerance.is_none() {
             noise = found.refine_by_noise(tried)?;
-            if let Some(wider) = self.suited(correspondences, &found, rotations.as_deref(), tried, noise)? {
+            if let Some(wider) = self.suited(correspondences, &found, rotations, tried, noise)? {
                 found = wider;
                 noise = found.refine_by_noise(tried)?;
             }
@@ -177,6 +186,20 @@ impl LikelihoodConsensus {
         };
         let both = (1..=reach).flat_map(|octave| [octave, -octave]);
         Ok(std::iter::once(0).chain(both).map(|octave| first * 2.0_f64.powi(octave)).collect())
+    }
+
+    /// What position alone finds with a tolerance.
+    fn attempt<'a>(
+        &self,
+        correspondences: &'a Correspondences,
+        tolerance: f64,
+        execution: &'a Execution,
+    ) -> Result<Attempt<'a>> {
+        let (source, target) = correspondences.positions("lc")?;
+        let problem = Problem { source, target, tolerance, modes: self.modes, execution };
+        let joined = Rc::new(problem.join()?);
+        let cliques = problem.cliques(&joined, target, SEEDS)?;
+        self.judge(correspondences, problem, joined, cliques)
     }
 
     /// Hypotheses by position, by the measure of a problem's tolerance.
@@ -248,6 +271,26 @@ impl Attempt<'_> {
     /// Whether the best pose is no chance, of as many tolerances as were tried.
     fn is_sure(&self, tried: f64) -> bool {
         self.false_alarms * tried < MOST_FALSE_ALARMS
+    }
+
+    fn best_pose(&self) -> Option<&Rigid> {
+        self.answer.ranked.first().map(|best| &best.mode.pose)
+    }
+
+    /// Whether the best poses of two attempts are the same motion, or here is none.
+    fn is_near(&self, other: &Self) -> Result<bool> {
+        let (Some(pose), Some(of_other)) = (self.best_pose(), other.best_pose()) else {
+            return Ok(self.best_pose().is_none());
+        };
+        let tolerance = self.problem.tolerance.max(other.problem.tolerance);
+        Ok(displacement(pose, of_other, self.problem.source) < NEAR * tolerance)
+    }
+
+    /// Whether the tolerance is not far greater than the noise under the best pose asks for.
+    fn is_narrow(&self) -> Result<bool> {
+        let Some(pose) = self.best_pose() else { return Ok(false) };
+        let (_, noise) = noise::refined(&self.problem, &self.answer.likelihood, pose)?;
+        Ok(TOO_GREAT * noise > DEVIATION * self.problem.tolerance)
     }
 
     /// Refines the best pose, if it is sure, by the noise under it, and returns that.
