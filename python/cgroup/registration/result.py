@@ -71,6 +71,8 @@ class Registration:
     scale : float
         Length in the target that the source's unit has: s, 1 unless it was sought. All lengths above are in
         the target's unit, and `covariance` is that of the source in that unit, at this scale.
+    scale_deviation : float
+        Standard deviation of `scale`, as a share of it; 0 unless it was sought.
 
     Examples
     --------
@@ -99,6 +101,7 @@ class Registration:
     notes: tuple[str, ...]
     seconds: dict[str, float]
     scale: float = 1.0
+    scale_deviation: float = 0.0
 
     @property
     def resolution(self) -> float:
@@ -315,7 +318,7 @@ class Registration:
             ("residual", f"{self.inlier_rmse:.3g} there"),
             ("matches", together),
             ("voxel", f"{self.voxel:.4g}"),
-            ("scale", "" if self.scale == 1.0 else f"{self.scale:.5g}"),
+            ("scale", "" if self.scale == 1.0 else f"{self.scale:.5g}, to {100 * self.scale_deviation:.1g} %"),
             *(("note", note) for note in self.notes),
             ("time", f"{sum(self.seconds.values()):.2f} s"),
             ("pose", pose_html(self.T_target_source)),

@@ -57,6 +57,9 @@ GRID, AROUND = 2 ** (1 / 16), 4
 CANDIDATES, AS_LIKELY = 3, 0.7
 """Scales at which a pose is searched for, and their consensus at the least, as a share of the greatest."""
 
+BEND, UNCERTAIN = 6.0, 0.01
+"""Edge of the cells whose mean residuals tell how bent the surfaces are, in voxels; deviation that is noted."""
+
 _POWER_STEPS = 8
 _REACH, _LAST_REACH, _REACHED = 3.0, 1.5, 5  # voxels, and the step from which the reach stays
 _STEPS, _STILL, _LEAST_PAIRS = 12, 1e-3, 50
@@ -102,7 +105,7 @@ def register_scaled(
     begin("scale")
     sources, targets = (_describe_sizes(one, radii, threads, by_frames=by_frames) for one in given)
     low, high = _narrow(bounds, targets[0].voxel / sources[0].voxel)
-    scales, tried = _find_scales(sources, targets, low, high, threads)
+    scales = _find_scales(sources, targets, low, high, threads)
     shared = Preparation(targets[0].voxel, radii, threads)
     target = shared.finish(given[1], begin, by_frames=by_frames)
     found, source = list[Candidate](), target
@@ -123,19 +126,24 @@ def register_scaled(
     source = agreed.finish(_scaled(given[0], best.scale), begin, **how)
     target = agreed.finish(given[1], begin, **how)
     begin("scale")
-    fitted = fit_similarity(source, target, best.pose) or Similarity(1.0, best.pose, 0.0)
+    fitted = fit_similarity(source, target, best.pose) or Similarity(1.0, best.pose, 0.0, np.inf)
     scale = float(np.clip(best.scale * fitted.scale, low, high))
     source = agreed.finish(_scaled(given[0], scale), begin, by_frames=by_frames)
     placed = replace(search, proposed=fitted.pose[None]).run(source, target)
     if placed is None:
         return None, judge(None, source, target, search.axis, scaled=True)
     is_open = fitted.resistance <= OPEN
-    placed = _weigh_scales(placed, scale, found, tried, is_open=is_open)
+    placed = _weigh_scales(placed, scale, found, len(scales), is_open=is_open)
     judgement = judge(placed, source, target, search.axis, scaled=True)
+    deviation = min(fitted.deviation, float(np.log(high / low)))
     if is_open:
         reason = "the surfaces leave the scale free, as a corner does: give clouds that show more"
         judgement = replace(judgement, reason=reason)
-    return _unscaled(registration_of(placed, judgement, search.clock.stop()), scale), judgement
+    elif deviation > UNCERTAIN:
+        note = f"the scale is known to {100 * deviation:.1f} % only: the surfaces fit as if bent, or hardly tell it"
+        judgement = replace(judgement, notes=(*judgement.notes, note))
+    done = registration_of(placed, judgement, search.clock.stop())
+    return _unscaled(done, scale, deviation), judgement
 
 
 def _narrow(bounds: tuple[float, float], ratio: float) -> tuple[float, float]:
@@ -182,18 +190,16 @@ def _describe_sizes(
 
 def _find_scales(
     sources: list[_Described], targets: list[_Described], low: float, high: float, threads: int | None
-) -> tuple[list[float], int]:
-    """Return the likeliest scales, and the number of ratios of sizes that were tried."""
+) -> list[float]:
+    """Return the likeliest scales."""
     pairs = [(source, target) for source in sources for target in targets]
     finest = [pair for pair in pairs if pair[0] is sources[0] or pair[1] is targets[0]]
     votes: list[tuple[float, float]] = []
-    tried = 0
     for source, target in finest:
         ratio = target.voxel / source.voxel
         factors = GRID ** np.arange(-AROUND, AROUND + 1.0)
         factors = factors[(ratio * factors >= low) & (ratio * factors <= high)]
         if len(factors):
-            tried += 1
             consensus = _measure_consensus(source, target, factors, threads)
             votes += zip((ratio * factors).tolist(), consensus, strict=True)
     chosen: list[float] = []
@@ -203,7 +209,7 @@ def _find_scales(
             break
         if all(abs(np.log(scale / other)) > 1.99 * np.log(GRID) for other in chosen):
             chosen.append(scale)
-    return chosen or [float(np.sqrt(low * high))], max(tried, 1)
+    return chosen or [float(np.sqrt(low * high))]
 
 
 def _measure_consensus(
@@ -249,18 +255,22 @@ class Similarity(NamedTuple):
         Of the scaled source.
     resistance : float
         How much the surfaces resist scaling while all motions are free, as a share of that of all pairs.
+    deviation : float
+        Standard deviation of the scale, as a share of it.
     """
 
     scale: float
     pose: FloatArray
     resistance: float
+    deviation: float
 
 
 def fit_similarity(source: PreparedScan, target: PreparedScan, pose: FloatArray) -> Similarity | None:
     """Fit scale and pose to the voxels of both; None where too few are near each other.
 
     Point-to-plane steps in both directions, weighted as for `align`; the seventh unknown is the logarithm of
-    the scale, about the middle of the pairs.
+    the scale, about the middle of the pairs. Its deviation is that of residuals which all err alike, as those
+    of bent surfaces do: their means in cells of `BEND` voxels, as noise has none.
     """
     voxel, transform, options = source.voxel, pose, run_options(source.threads)
     fixed, resisted = target.voxels.points, 0.0
@@ -293,7 +303,10 @@ def fit_similarity(source: PreparedScan, target: PreparedScan, pose: FloatArray)
         resisted = 1.0 / (np.linalg.inv(damped)[6, 6] * max(weights.sum(), 1e-300))
         if step >= _REACHED and np.abs(change).max() < _STILL * voxel:
             break
-    return Similarity(*split_scale(transform), float(resisted))
+    cells = np.unique(np.floor(places / (BEND * voxel)), axis=0, return_inverse=True)[1].ravel()
+    bend = np.sum(np.bincount(cells, residuals) ** 2 / np.bincount(cells)) / len(residuals)
+    deviation = np.sqrt(bend / resisted) / radius
+    return Similarity(*split_scale(transform), float(resisted), float(deviation))
 
 
 def _scaled(given: Given, scale: float) -> Given:
@@ -320,7 +333,7 @@ def _weigh_scales(
     return replace(found, probability=chance, alternatives=np.concatenate([found.alternatives, alike]))
 
 
-def _unscaled(done: Registration, scale: float) -> Registration:
+def _unscaled(done: Registration, scale: float, deviation: float) -> Registration:
     """Return the registration of the source as it was given."""
     change = scaling(scale)
     pose, matches = done.T_target_source @ change, scale_matches(done.correspondences, 1 / scale)
@@ -330,6 +343,7 @@ def _unscaled(done: Registration, scale: float) -> Registration:
         done,
         T_target_source=pose,
         scale=scale,
+        scale_deviation=deviation,
         alternatives=done.alternatives @ change,
         correspondences=matches,
         grouping=replace(grouping, model=pose, rule=rule, _positions=positions),
