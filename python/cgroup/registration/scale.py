@@ -54,7 +54,7 @@ MATCHES, AGREE, APART = 400, 1.0, 4.0
 GRID, AROUND = 2 ** (1 / 16), 4
 """Ratio of the scales that are tried, and how many to either side of a ratio of sizes."""
 
-CANDIDATES, AS_LIKELY = 3, 0.7
+CANDIDATES, AS_LIKELY = 2, 0.7
 """Scales at which a pose is searched for, and their consensus at the least, as a share of the greatest."""
 
 BEND, UNCERTAIN = 6.0, 0.01
