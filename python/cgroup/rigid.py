@@ -150,8 +150,12 @@ def check_rigid(transform: ArrayLike, name: str = "transform") -> FloatArray:
     rotation = matrix[:3, :3]
     deviation = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
     if deviation > RIGID_TOLERANCE or np.linalg.det(rotation) < 0:
-        kind = "a reflection" if deviation <= RIGID_TOLERANCE else "scaled or sheared"
-        raise InputError(name, remedy=f"its upper left 3x3 block is {kind}, not a rotation")
+        kind, hint = "a reflection" if deviation <= RIGID_TOLERANCE else "scaled or sheared", ""
+        scale = float(np.linalg.norm(rotation[0]))
+        if scale > 0 and are_rigid((matrix @ scaling(1.0 / scale))[None])[0]:
+            kind = f"scaled by {scale:.5g}"
+            hint = "; scale the source by that first, and divide the block by it"
+        raise InputError(name, remedy=f"its upper left 3x3 block is {kind}, not a rotation{hint}")
     return matrix
 
 

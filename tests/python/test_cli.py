@@ -449,6 +449,7 @@ WRONG = [
     ),
     ("register {source} {target} --initial missing.txt", "missing.txt: no such file"),
     ("register {source} {target} --initial {folder}/scaled.txt", "scaled.txt: "),
+    ("assess {source} {target} {folder}/scaled.txt", "scale the source by that first, and divide the block"),
     (
         "register {source} {target} --initial {folder}/truth.txt --matches {folder}/matches.npz",
         "--matches, --initial: give one",
@@ -469,7 +470,7 @@ WRONG = [
     ("register {source} {target} --frobnicate", "frobnicate"),
     ("compare {source} {target}", "--truth"),
     ("compare {source} {target} --truth missing.txt", "missing.txt: no such file"),
-    ("compare {source} {target} --truth {folder}/scaled.txt", "scaled or sheared, not a rotation"),
+    ("compare {source} {target} --truth {folder}/scaled.txt", "scaled by 2, not a rotation"),
     ("compare {source} {target} --truth {source}", "source.ply"),
     ("group missing.npz", "missing.npz: no such file"),
     ("group {source}", "source.ply"),

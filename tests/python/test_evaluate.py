@@ -495,7 +495,7 @@ WRONG_FILES = {
         "none of its pairs, such as cellar/0-1, is in the truth",
     ),
     "cut.log": ("0 1 5\n1 0 0 0\n", "not a list of poses; 5 lines each"),
-    "hall.log": ("0 1 5\n" + "2 0 0 0\n0 2 0 0\n0 0 2 0\n0 0 0 1\n", "scaled or sheared, not a rotation"),
+    "hall.log": ("0 1 5\n" + "2 0 0 0\n0 2 0 0\n0 0 2 0\n0 0 0 1\n", "scaled by 2, not a rotation"),
     "nowhere.log": (
         "0 1 5\n1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n",
         "none of its pairs, such as nowhere/0-1, is in the truth",

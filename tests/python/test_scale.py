@@ -41,6 +41,8 @@ def is_right(done: Registration, truth: FloatArray, source: FloatArray) -> bool:
 def test_the_similarity_is_found(done: Registration) -> None:
     assert done.ok
     assert done.scale == pytest.approx(SCALE, rel=0.01)
+    assert abs(done.scale / SCALE - 1) < 3 * done.scale_deviation < 0.03
+    assert not any("scale" in note for note in done.notes)
     assert is_right(done, TRUTH @ scaling(SCALE), SOURCE / SCALE)
     scale, rigid = split_scale(done.T_target_source)
     assert scale == pytest.approx(done.scale, rel=1e-12)
@@ -139,6 +141,30 @@ def test_a_similarity_is_fitted(off: float, seed: int) -> None:
     expected = apply(motion @ scaling(float(np.exp(off))), source.voxels.points)
     assert np.linalg.norm(placed - expected, axis=1).max() < 0.02
     assert fitted.resistance > 0.05
+
+
+def test_bent_surfaces_leave_the_scale_uncertain() -> None:
+    def deviation(bend: float) -> float:
+        """Deviation of the scale where the source is bent by so many voxels along its length."""
+        points = arrow(0)
+        share = (points[:, 0] - points[:, 0].mean()) / np.ptp(points[:, 0])
+        points[:, 2] += 0.06 * bend * np.sin(2 * np.pi * share)
+        fitted = fit_similarity(prepare(points, voxel=0.06), prepare(arrow(1), voxel=0.06), np.eye(4))
+        assert fitted is not None
+        return fitted.deviation
+
+    straight, bent, more = deviation(0.0), deviation(0.4), deviation(0.8)
+    assert 2 * straight < 1.4 * bent < more
+
+
+def test_an_uncertain_scale_is_noted() -> None:
+    waves = 0.4 * standin_pair(pixels=80).source.points.std(axis=0).mean()
+    bent = SOURCE + 0.05 * waves * np.sin(SOURCE / waves)[:, [1, 2, 0]]
+    found = best_guess(bent / SCALE, TARGET, scale=True)
+    assert found.scale_deviation > 0.01
+    assert any("the scale is known to" in note for note in found.notes)
+    bounded = best_guess(bent / SCALE, TARGET, scale=(SCALE, 1.001 * SCALE))
+    assert bounded.scale_deviation == pytest.approx(np.log(1.001))
 
 
 def test_nothing_to_fit_is_none() -> None:

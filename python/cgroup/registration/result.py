@@ -318,7 +318,7 @@ class Registration:
             ("residual", f"{self.inlier_rmse:.3g} there"),
             ("matches", together),
             ("voxel", f"{self.voxel:.4g}"),
-            ("scale", "" if self.scale == 1.0 else f"{self.scale:.5g}, to {100 * self.scale_deviation:.1g} %"),
+            ("scale", "" if self.scale == 1.0 else f"{self.scale:.5g} to {100 * self.scale_deviation:.1g} %"),
             *(("note", note) for note in self.notes),
             ("time", f"{sum(self.seconds.values()):.2f} s"),
             ("pose", pose_html(self.T_target_source)),

@@ -58,11 +58,11 @@ CANDIDATES, AS_LIKELY = 2, 0.7
 """Scales at which a pose is searched for, and their consensus at the least, as a share of the greatest."""
 
 BEND, UNCERTAIN = 6.0, 0.01
-"""Edge of the cells whose mean residuals tell how bent the surfaces are, in voxels; deviation that is noted."""
+"""Edge of the cells whose mean residuals tell of bends, in voxels; deviation of the scale that is noted."""
 
 _POWER_STEPS = 8
 _REACH, _LAST_REACH, _REACHED = 3.0, 1.5, 5  # voxels, and the step from which the reach stays
-_STEPS, _STILL, _LEAST_PAIRS = 12, 1e-3, 50
+_STEPS, _STILL, _LEAST_PAIRS = 30, 1e-3, 50
 _CUT, _PER_MEDIAN, _LEAST_DEVIATION, _DAMPING = 4.685, 1.4826, 1e-3, 1e-6  # as for `align`
 
 
@@ -140,7 +140,8 @@ def register_scaled(
         reason = "the surfaces leave the scale free, as a corner does: give clouds that show more"
         judgement = replace(judgement, reason=reason)
     elif deviation > UNCERTAIN:
-        note = f"the scale is known to {100 * deviation:.1f} % only: the surfaces fit as if bent, or hardly tell it"
+        why = "the surfaces fit as bent ones do, or show little of it"
+        note = f"the scale is known to {100 * deviation:.1f} % only: {why}"
         judgement = replace(judgement, notes=(*judgement.notes, note))
     done = registration_of(placed, judgement, search.clock.stop())
     return _unscaled(done, scale, deviation), judgement
@@ -269,8 +270,8 @@ def fit_similarity(source: PreparedScan, target: PreparedScan, pose: FloatArray)
     """Fit scale and pose to the voxels of both; None where too few are near each other.
 
     Point-to-plane steps in both directions, weighted as for `align`; the seventh unknown is the logarithm of
-    the scale, about the middle of the pairs. Its deviation is that of residuals which all err alike, as those
-    of bent surfaces do: their means in cells of `BEND` voxels, as noise has none.
+    the scale, about the middle of the pairs. Its deviation takes the means of the residuals in cells of
+    `BEND` voxels for errors that all pull the scale one way, as those of bent surfaces may.
     """
     voxel, transform, options = source.voxel, pose, run_options(source.threads)
     fixed, resisted = target.voxels.points, 0.0

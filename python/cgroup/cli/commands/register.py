@@ -136,10 +136,11 @@ def placement_facts(done: Document, middle: Sequence[float]) -> list[tuple[str, 
     chance = "more than 0.999" if done["probability"] > 0.9995 else f"{done['probability']:.3f}"
     shares = [f"{100 * done[name]:.0f} %" for name in ("fitness", "target_fitness")]
     deviations = f"{done['deviation_deg']:.2g} degrees, and {show_length(done['deviation'], 2)} at the middle"
+    known = f", known to {100 * done['scale_deviation']:.1g} %" if "scale_deviation" in done else ""
     caveat = "one standard deviation, of noise and shape alone: a scan that is bent adds to it"
     return [
         ("pose", f"{turned}, {moved}"),
-        *([("scale", f"{scale:.5g} (the source's unit in the target's)")] if scale != 1.0 else []),
+        *([("scale", f"{scale:.5g} (the source's unit in the target's){known}")] if scale != 1.0 else []),
         ("probability", f"{chance} that the pose is right"),
         ("overlap", f"{shares[0]} of the source lies on the target, {shares[1]} of the target on the source"),
         ("residual", f"{show_length(done['inlier_rmse'])} between the surfaces there (root mean square)"),
@@ -478,6 +479,7 @@ def registration_results(
         "ok": done.ok,
         "T_target_source": done.T_target_source,
         "scale": done.scale,
+        "scale_deviation": done.scale_deviation,
         "probability": done.probability,
         "fitness": done.fitness,
         "target_fitness": done.target_fitness,
