@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from register_shapes import FloatArray, arrow, best_guess, moved
 from shared_data import data_folder
@@ -126,6 +126,7 @@ def test_the_covariance_is_that_of_the_scaled_source(done: Registration) -> None
 
 
 @settings(max_examples=15, deadline=None)
+@example(off=-0.0234375, seed=79)  # stands still after more than twenty steps
 @given(st.floats(-0.03, 0.03), st.integers(0, 99))
 def test_a_similarity_is_fitted(off: float, seed: int) -> None:
     shape = arrow(0)
