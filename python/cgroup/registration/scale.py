@@ -274,8 +274,8 @@ def fit_similarity(source: PreparedScan, target: PreparedScan, pose: FloatArray)
     `BEND` voxels for errors that all pull the scale one way, as those of bent surfaces may.
     """
     voxel, transform, options = source.voxel, pose, run_options(source.threads)
-    fixed, resisted = target.voxels.points, 0.0
-    for step in range(_STEPS):
+    fixed, step = target.voxels.points, 0
+    while True:
         reach = voxel * (_REACH + (_LAST_REACH - _REACH) * min(step / _REACHED, 1.0))
         moved = apply(transform, source.voxels.points)
         offsets = np.concatenate(
@@ -302,7 +302,8 @@ def fit_similarity(source: PreparedScan, target: PreparedScan, pose: FloatArray)
         turned = motion(np.append(change[:3] / radius, change[3:6]), middle)
         transform = turned @ scaling(float(np.exp(change[6] / radius)), middle) @ transform
         resisted = 1.0 / (np.linalg.inv(damped)[6, 6] * max(weights.sum(), 1e-300))
-        if step >= _REACHED and np.abs(change).max() < _STILL * voxel:
+        step += 1
+        if step == _STEPS or (step > _REACHED and np.abs(change).max() < _STILL * voxel):
             break
     cells = np.unique(np.floor(places / (BEND * voxel)), axis=0, return_inverse=True)[1].ravel()
     bend = np.sum(np.bincount(cells, residuals) ** 2 / np.bincount(cells)) / len(residuals)
