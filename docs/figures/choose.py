@@ -8,6 +8,7 @@ Each command rewrites files of ``measured/``, and the tables of the pages that a
 ``clouds``                how long `register` takes on clouds of millions of points (half a minute);
 ``registration FOLDER``   takes the records of ``cgroup benchmark run registration``;
 ``trust FOLDER``          takes the records of ``cgroup benchmark run trust``;
+``matches FOLDER``        takes the records of ``cgroup benchmark run matches``;
 ``peers FOLDER``          takes the records of ``make bench-peers``.
 
 ``write`` only writes the tables. ``check`` names the files whose code has changed since they were measured.
@@ -15,6 +16,7 @@ Each command rewrites files of ``measured/``, and the tables of the pages that a
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import tempfile
@@ -25,7 +27,9 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from cgroup.benchmark.config import read_config
+from cgroup.benchmark.report.cells import method_cell
 from cgroup.benchmark.report.registration import answer_table, calibration_table, trust_table
+from cgroup.benchmark.report.trial_tables import overview_table, with_fewest_threads
 from cgroup.benchmark.run import run
 from cgroup.benchmark.tables import load
 from method_figures.measure_clouds import measure_clouds
@@ -53,6 +57,24 @@ REGISTRATION = (
     "python/cgroup/features",
 )
 PEERS_CASES = {"peers-5000": (5000, (0.03, 0.1)), "peers-100000": (100_000, (0.1,))}
+MATCHES = {
+    "generated": ("size", "noise", "kinds of wrong matches", "frames"),
+    "fpfh": (
+        *(f"range views, {kind}" for kind in ("nearest", "mutual", "three nearest")),
+        *("rooms, nearest", "rooms, mutual", "LiDAR, nearest"),
+    ),
+    "keypoints": (
+        *("range views, H3D+SHOT", "range views, ISS+RCS"),
+        *("objects in clutter, H3D+SHOT", "whole models, H3D+SHOT"),
+    ),
+    "ready-made": (
+        *("FGR's features", "others' matches of rooms", "others' matches of LiDAR scans"),
+        "one-to-three",
+    ),
+}
+TIMED, LEAST_F = "rooms, nearest", 0.3
+"""The set whose times are shown, and the methods: from this F on."""
+
 _MEASURE = "python docs/figures/choose.py measure"
 _KIND = ["set", "scene", "n", "inliers", "noise", "frames", "method"]
 
@@ -64,11 +86,8 @@ def measure_methods(folder: Path | None = None) -> None:
     """
     with tempfile.TemporaryDirectory() as scratch:
         run(read_config(CONFIG), folder or Path(scratch))
-        frame = load(folder or Path(scratch), "trials")
-    frame["set"] = frame["set"].str.removesuffix(" (synthetic)")
-    frame["right"] = frame["verdicts"].map(lambda verdicts: float(bool(verdicts.get("6deg+6pr", False))))
+        frame = load(folder or Path(scratch), "matches")
     frame["milliseconds"] = 1e3 * frame["seconds"]
-    frame["mebibytes"] = frame["peak_bytes"] / 2**20
     for column in ("precision", "recall", "f_score"):
         frame[column] = frame[column].fillna(0.0)
     groups = frame.groupby(_KIND, sort=True, dropna=False)
@@ -96,6 +115,41 @@ def record_registration(folder: Path) -> None:
 def record_trust(folder: Path) -> None:
     """Write what a run of the preset `trust` found."""
     _save_shown("trust", calibration_table(_load_registrations(folder)), "trust")
+
+
+def record_matches(folder: Path) -> None:
+    """Write what a run of the preset `matches` found."""
+    command, how = "cgroup benchmark run matches", "one thread"
+    frame = load(folder, "matches")
+    overview = overview_table(frame)
+    rows = [[_strip(cell.text) for cell in row] for row in overview.rows]
+    bold = [
+        [f"**{text}**" if cell.best else text for text, cell in zip(*of_row, strict=True)]
+        for of_row in zip(rows, overview.rows, strict=True)
+    ]
+    shown = pd.DataFrame(bold, columns=list(overview.headers))
+    for name, sets in MATCHES.items():
+        save(FOLDER / f"matches-{name}.csv", command, GROUPING, shown[["method", *sets]], how)
+    timed = with_fewest_threads(frame[(frame["set"] == TIMED) & (frame["kind"] == "related")])
+    groups = timed.groupby("method")
+    cost = groups[["right", "f_score"]].mean().join(groups[["seconds", "mebibytes"]].median())
+    cost = cost[cost["f_score"] >= LEAST_F].sort_values("seconds")
+    table = pd.DataFrame(
+        {
+            "method": [method_cell(method).text for method in cost.index],
+            "registered / mean F": [
+                _strip(f"{a:.2f} / {b:.2f}") for a, b in zip(cost["right"], cost["f_score"], strict=True)
+            ],
+            "ms": [f"{1e3 * seconds:.3g}" for seconds in cost["seconds"]],
+            "MiB, peak": [f"{mebibytes:.2g}" for mebibytes in cost["mebibytes"]],
+        }
+    )
+    save(FOLDER / "rooms-cost.csv", command, GROUPING, table, how)
+
+
+def _strip(text: str) -> str:
+    """Leave out what shares have in common: the zero before the point, and those of 1."""
+    return re.sub(r"0(\.\d\d)", r"\1", text.replace("1.00", "1"))
 
 
 def _load_registrations(folder: Path) -> pd.DataFrame:
@@ -175,6 +229,8 @@ def main(arguments: list[str]) -> int:
             record_registration(Path(folder))
         case ["trust", folder]:
             record_trust(Path(folder))
+        case ["matches", folder]:
+            record_matches(Path(folder))
         case ["peers", folder]:
             record_peers(Path(folder))
         case ["write"]:
