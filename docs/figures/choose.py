@@ -87,7 +87,9 @@ def measure_methods(folder: Path | None = None) -> None:
     with tempfile.TemporaryDirectory() as scratch:
         run(read_config(CONFIG), folder or Path(scratch))
         frame = load(folder or Path(scratch), "matches")
-    frame["milliseconds"] = 1e3 * frame["seconds"]
+    frame = frame[~frame["skipped"].str.startswith("needs ")]
+    recipe = {name: frame[name].fillna(0) for name in ("inliers", "noise")}
+    frame = frame.assign(milliseconds=1e3 * frame["seconds"], n=frame["size"].fillna(0).astype(int), **recipe)
     for column in ("precision", "recall", "f_score"):
         frame[column] = frame[column].fillna(0.0)
     groups = frame.groupby(_KIND, sort=True, dropna=False)
