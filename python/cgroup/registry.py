@@ -75,7 +75,8 @@ class MethodOption(NamedTuple):
     ----------
     kind : str
         "flag"; "seed", "count" or "rounds" (whole numbers); "length" (in the unit of the data), "number";
-        "choice" (of a few words or numbers); or "cut" (a number, or "otsu").
+        "choice" (of a few words or numbers); "cut" (a number, or "otsu"); or "scale" (a truth value, or two
+        bounds).
     optional : bool
         Whether it may be None.
     default : bool, int, float, str or None

@@ -15,6 +15,8 @@ pub enum Value {
     Number(f64),
     /// One of a few words.
     Word(&'static str),
+    /// All numbers from the first to the second.
+    Range(f64, f64),
 }
 
 /// What an option takes.
@@ -51,6 +53,8 @@ pub enum Kind {
     Choice(&'static [Value]),
     /// A cut on scores: the word "otsu", or a number.
     Cut,
+    /// Whether a scale is unknown, or between which positive bounds it lies.
+    Scale,
 }
 
 /// A share of a whole.
@@ -115,6 +119,9 @@ impl OptionInfo {
             }
             (Kind::Cut, Value::Number(number)) if number.is_nan() => {
                 refused(shown(number), "give a number or \"otsu\"".into())
+            }
+            (Kind::Scale, Value::Range(low, high)) if !(0.0 <= low && low <= high && high > 0.0) => {
+                refused(format!("({}, {})", shown(low), shown(high)), "give the least scale first".into())
             }
             _ => Ok(()),
         }

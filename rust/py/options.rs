@@ -62,6 +62,7 @@ fn range_of(py: Python<'_>, kind: Kind) -> PyResult<(&'static str, Bound<'_, PyT
         Kind::Number { least, most, .. } => ("number", range(&[Value::Number(least), Value::Number(most)])?),
         Kind::Choice(choices) => ("choice", range(choices)?),
         Kind::Cut => ("cut", range(&[])?),
+        Kind::Scale => ("scale", range(&[])?),
     })
 }
 
@@ -85,6 +86,7 @@ fn to_python(py: Python<'_>, value: Value) -> PyResult<Bound<'_, PyAny>> {
         Value::Whole(number) => number.into_pyobject(py)?.into_any(),
         Value::Number(number) => PyFloat::new(py, number).into_any(),
         Value::Word(word) => PyString::new(py, word).into_any(),
+        Value::Range(low, high) => PyTuple::new(py, [low, high])?.into_any(),
     })
 }
 
@@ -103,7 +105,15 @@ fn read(option: &OptionInfo, given: &Bound<'_, PyAny>) -> PyResult<Value> {
         Kind::Choice(choices) => chosen(name, given, choices),
         Kind::Cut if given.cast::<PyString>().is_ok_and(|word| word == "otsu") => Ok(Value::Word("otsu")),
         Kind::Cut => real(name, given, "give \"otsu\" or a number"),
+        Kind::Scale => scale(name, given),
     }
+}
+
+/// Bounds, or none, by the rule of `cgroup._checks.values`.
+fn scale(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Value> {
+    let bounds: Option<(f64, f64)> =
+        values(given.py())?.call_method1("as_scale", (name, given))?.extract()?;
+    Ok(bounds.map_or(Value::Flag(false), |(low, high)| Value::Range(low, high)))
 }
 
 fn flag(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Value> {

@@ -359,6 +359,8 @@ CASES: dict[str, MethodCase] = {
             Trial(FRAMED, FEW),
             Trial({"ratio": Field("ratio"), "instances": 2}, FRAMED),
             Trial({"instances": 3}),
+            Trial({"scale": True}, {"tolerance": Pr(4.0)}),
+            Trial({"scale": (0.34, 50.0)}, {"tolerance": Pr(6.0), "ratio": Field("ratio")}),
         ],
         field_trials=[
             Trial({"ratio": OTHER_RATIO}, {"ratio": Field("ratio")}),

@@ -277,7 +277,7 @@ def test_random_problems(method: str, options: Options, data: hst.DataObject) ->
 
 def largest(method: str, options: Options) -> int:
     """Return the size up to which the reference is quick enough."""
-    slow = options.get("recompute") or options.get("scale") == "estimate"
+    slow = options.get("recompute") or options.get("scale")
     if slow or (method == "ransac" and "iterations" not in options):
         return 50
     return 150

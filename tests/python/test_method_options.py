@@ -17,7 +17,15 @@ from cgroup.registry import METHOD_INFO, MethodInfo, MethodOption
 
 EVERY = pytest.mark.parametrize("info", METHOD_INFO.values(), ids=lambda info: info.name)
 OPTIONS = [(info, name) for info in METHOD_INFO.values() for name in info.options]
-TYPES = {"flag": bool, "seed": int, "count": int, "rounds": int, "length": float, "number": float}
+TYPES = {
+    "flag": bool,
+    "seed": int,
+    "count": int,
+    "rounds": int,
+    "length": float,
+    "number": float,
+    "scale": bool | tuple[float, float],
+}
 
 
 @EVERY

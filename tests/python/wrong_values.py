@@ -121,6 +121,7 @@ def wrong_for(option: MethodOption) -> list[Any]:
         "number": [*numbers, np.nan],
         "choice": ["nonsense", 7, 1.0, b"", []],
         "cut": ["nonsense", True, np.nan, []],
+        "scale": ["x", -1, 1.0, (3, 1), (0, 1), (1, np.inf), (1, 2, 3), (1, "2"), []],
     }[option.kind]
     if option.kind in {"count", "rounds"}:
         wrong += [option.range[0] - 1, option.range[1] + 1]

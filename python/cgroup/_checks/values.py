@@ -88,6 +88,20 @@ def as_length(name: str, value: object) -> float:
     return length
 
 
+def as_scale(name: str, value: object) -> tuple[float, float] | None:
+    """Return the bounds of a scale; None where it is known."""
+    if isinstance(value, bool | np.bool_):
+        return (0.0, np.inf) if value else None
+    remedy = "give True, or the least and the greatest scale that may be"
+    bounds = as_items(name, value, remedy) if isinstance(value, tuple | list | np.ndarray) else []
+    if len(bounds) != 2:
+        raise refusal(name, value, remedy)
+    low, high = (as_length(name, bound) for bound in bounds)
+    if low > high:
+        raise InputError(name, f"({low:g}, {high:g})", "give the least scale first")
+    return low, high
+
+
 def as_flag(name: str, value: object) -> bool:
     """Return a truth value."""
     if not isinstance(value, bool | np.bool_):

@@ -26,6 +26,7 @@ def lc(
     tolerance: float | None = None,
     modes: int = 40,
     instances: int = 1,
+    scale: bool | tuple[float, float] = False,
     threads: int | None = None,
     max_memory: int | None = None,
     progress: Progress | None = None,
@@ -69,6 +70,11 @@ def lc(
         Most groups in `Grouping.instances`, which is None for 1: groups of different rigid motions, each of
         them sure by the matches that better ones leave, any two with less than 0.3 in common (intersection
         over union). Row 0 is the mask; there is no row where the best is not `Grouping.ok`.
+    scale : bool or (float, float)
+        Whether the two sides are in different units: then the length in the target is sought that the
+        source's unit has, between the two bounds if they are given. True allows any unit: the scale is sought
+        where both sides are of about the same size, to a factor of 3, and bounds only narrow that. All
+        lengths (`resolution`, `tolerance`, `Grouping.noise`) are the target's.
     threads : int, optional
         Threads to compute on, None for all cores. The result does not depend on it.
     max_memory : int, optional
@@ -87,7 +93,9 @@ def lc(
         times the number of tolerances there are to try; infinite where a mirror image fits as well. The
         diagnostics say under ``dimensions`` whether the group's points span a body (3), a plane (2) or a line
         (1), and under ``resolution`` a third of the tolerance that was taken. Without a pose that three
-        correspondences support, the group is empty.
+        correspondences support, the group is empty. Where a scale s is sought, the model and the
+        alternatives are similarities, ``s R`` in their upper left, all of the same s, which is in
+        `diagnostics` under ``scale``; `Grouping.transform` stays a rigid motion, which does not know of it.
 
     Raises
     ------

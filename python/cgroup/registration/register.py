@@ -10,7 +10,7 @@ import numpy as np
 from cgroup._checks.arrays import as_direction
 from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.run_options import as_threads
-from cgroup._checks.values import as_choice, as_count, as_instance, as_items, refusal
+from cgroup._checks.values import as_choice, as_count, as_instance, as_items, as_scale, refusal
 from cgroup._runtime.memory import report_refused_memory
 from cgroup._runtime.progress import StageClock, as_stage_function
 from cgroup._runtime.workers import count_workers, work_side_by_side
@@ -23,7 +23,7 @@ from cgroup.registration.own import as_matches, as_own_descriptors
 from cgroup.registration.paper_front import PaperFront
 from cgroup.registration.prepare import DenseFront, agree, as_given
 from cgroup.registration.result import registration_of
-from cgroup.registration.scale import as_scale, register_scaled
+from cgroup.registration.scale import register_scaled
 from cgroup.registration.scan import as_viewpoint
 from cgroup.registration.search import EFFORTS, Search
 from cgroup.rigid import apply, check_rigid
@@ -163,7 +163,7 @@ def register(
     clock = StageClock(as_stage_function(progress))
     direction = None if axis is None else as_direction("axis", axis, "(0, 0, 1)")
     dense, paper = _fronts_of(front)
-    bounds = as_scale(scale)
+    bounds = as_scale("scale", scale)
     fronts = None if front == "dense" else front
     _check_alone({"matches": matches, "descriptors": descriptors, "initial": initial, "front": fronts})
     nearby = as_nearby(initial, radius, angle)

@@ -14,7 +14,6 @@ import numpy as np
 from cgroup import _core, features
 from cgroup._checks.arrays import in_double
 from cgroup._checks.run_options import run_options
-from cgroup._checks.values import as_items, as_length, refusal
 from cgroup._runtime.progress import ignore_progress
 from cgroup.errors import InputError
 from cgroup.features import Cloud
@@ -64,20 +63,6 @@ _POWER_STEPS = 8
 _REACH, _LAST_REACH, _REACHED = 3.0, 1.5, 5  # voxels, and the step from which the reach stays
 _STEPS, _STILL, _LEAST_PAIRS = 30, 1e-3, 50
 _CUT, _PER_MEDIAN, _LEAST_DEVIATION, _DAMPING = 4.685, 1.4826, 1e-3, 1e-6  # as for `align`
-
-
-def as_scale(value: object) -> tuple[float, float] | None:
-    """Check `scale`: None where it is known, else its bounds."""
-    if value is None or isinstance(value, bool | np.bool_):
-        return (0.0, np.inf) if value else None
-    remedy = "give True, or the least and the greatest scale that may be"
-    bounds = as_items("scale", value, remedy) if isinstance(value, tuple | list | np.ndarray) else []
-    if len(bounds) != 2:
-        raise refusal("scale", value, remedy)
-    low, high = (as_length("scale", bound) for bound in bounds)
-    if low > high:
-        raise InputError("scale", f"({low:g}, {high:g})", "give the least scale first")
-    return low, high
 
 
 class Candidate(NamedTuple):

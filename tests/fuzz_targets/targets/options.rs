@@ -46,5 +46,7 @@ fn any_value(option: &OptionInfo, u: &mut Unstructured) -> Result<Value> {
         Kind::Cut if u.ratio(4, 5)? => Value::Word("otsu"),
         Kind::Number { .. } | Kind::Cut => Value::Number(number(u)?),
         Kind::Choice(choices) => *u.choose(choices)?,
+        Kind::Scale if u.arbitrary()? => Value::Flag(u.arbitrary()?),
+        Kind::Scale => Value::Range(number(u)?, number(u)?),
     })
 }

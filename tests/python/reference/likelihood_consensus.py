@@ -48,6 +48,16 @@ is no greater than that of the 2 next ones on both sides. For each, the pose is 
 below 0.01, that pose the best. There, too, noise of more than 1.5 sigma has the poses of all modes judged again, as hypotheses in place of
 the cliques', with u = noise / 2.7 and the frames' stars and mirrored cliques of before; that counts if it has less than 0.01 false alarms.
 
+Unknown scale: all of this with the source times s. With size the median distance of a side from its median along each axis
+(of an even number the upper one) and rho = size_q / size_p, s lies between max(low, rho / 3) and min(high, 3 rho). With each tolerance 3 u
+the fewest equal parts of the logarithm of that range are taken that are no wider than 1 + clip(3 u / size_q, 0.02, 0.08), and the middle
+of each is a scale to try: of the 1,000 matches with the most others such that |ds - dt| < 3 u and of the 20 heaviest edges, the best mode by L
+with D of the target alone, refined by 8 rounds of weighted least squares with a factor of s that is free (Umeyama, PAMI 1991). The score is
+that under the similarity times the coverage before. Of the scales in order of score the first 3 count that differ from better ones by more
+than 2 such parts. Where there are several sure answers with a tolerance, the greatest score wins, else the fewest false alarms; their number is
+that of one scale and tolerance times the number of all scales to try with all tolerances. Without a given tolerance, the noise is then
+estimated twice as above, the same least squares done with residuals below 3 times it, and all of it done again at that scale. Frames count in the end, at the scale that was found. Without an answer s is the geometric mean of the bounds.
+
 Instances: in order of score the poses with less than 0.01 false alarms among the matches that no earlier one's group
 has, whose group shares less than 0.3 (intersection over union) with each of theirs; none unless the best is sure.
 
@@ -66,6 +76,7 @@ Decisions where the description is open
   the lower index.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -94,6 +105,8 @@ ENOUGH = 200
 TIE = 1e-12
 REFLECTIONS = 10
 MOST_ALARMS = 0.01
+SCALE_VERTICES, SCALE_EDGES, SCALE_ROUNDS, SCALES = 1000, 20, 8, 3
+NOISE_ROUNDS = 2
 
 
 class Model(NamedTuple):
@@ -169,32 +182,32 @@ def lc(
     tolerance: float | None = None,
     modes: int = 40,
     instances: int = 1,
+    scale: bool | tuple[float, float] = False,
 ) -> ReferenceGrouping:
     p_raw, q_raw = as_rows(source, 3), as_rows(target, 3)
     turns = proposed(len(p_raw), source_lrf, target_lrf)
     rows = None if ratio is None else as_rows(ratio)
 
-    def look(length: float) -> Attempt:
-        return attempt(p_raw, q_raw, rows, length / 3.0, modes, 0 if tolerance else MIRRORED_EDGES)
+    def look(length: float, factor: float) -> Attempt:
+        edges = 0 if tolerance else MIRRORED_EDGES
+        return attempt(factor * p_raw, q_raw, rows, length / 3.0, modes, edges)
 
-    lengths = [tolerance] if tolerance is not None else tolerances(p_raw, q_raw, resolution)
-    found = count_frames(look(lengths[0]), turns, modes)
-    for length in lengths[1:]:
-        if found.expected * len(lengths) < MOST_ALARMS:
-            break
-        other = look(length)
-        if resolution is None:
-            is_better = other.expected < found.expected
-        else:
-            is_better = other.expected * len(lengths) < MOST_ALARMS and is_near(found, other)
-        if is_better and resolution is not None and is_narrow(found):
-            found = found._replace(expected=other.expected)
-        elif is_better:
-            found = count_frames(other, turns, modes)
+    span = span_of_scales(p_raw, q_raw, scale)
+    factor = 1.0 if span is None else float(np.sqrt(span.low * span.high))
+    lengths = [tolerance] if tolerance is not None else tolerances(factor * p_raw, q_raw, resolution)
+    if span is None:
+        tried = len(lengths)
+        found = at_known_scale(look, lengths, told=resolution is not None, turns=turns, modes=modes)
+    else:
+        tried = sum(len(span.parts(length)[0]) for length in lengths)
+        likely = {length: likely_scales(p_raw, q_raw, rows, span, length) for length in lengths}
+        found, factor = at_likely_scale(look, likely, span, tried, told=resolution is not None)
+        found = count_frames(found, turns, modes)
     noise = None
     if tolerance is None and found.ranked:
-        found, noise = suited(found, rows, turns, modes, len(lengths))
-    false_alarms = found.expected * len(lengths)
+        found, noise = suited(found, rows, turns, modes, tried)
+    false_alarms = found.expected * tried
+    to_data = np.diag([factor, factor, factor, 1.0])
     model, counted, ranked = found.model, found.counted, found.ranked
     mask, scores = np.zeros(len(p_raw), dtype=bool), np.zeros(len(p_raw))
     if ranked:
@@ -205,8 +218,10 @@ def lc(
         mask,
         scores,
         None,
-        {"hypotheses": len(found.hypotheses), "resolution": found.unit},
-        np.array([in_data(one.pose, p_raw, q_raw, found.unit) for one in ranked]).reshape(-1, 4, 4),
+        {"hypotheses": len(found.hypotheses), "resolution": found.unit, "scale": factor},
+        np.array([in_data(one.pose, factor * p_raw, q_raw, found.unit) @ to_data for one in ranked]).reshape(
+            -1, 4, 4
+        ),
         np.array([one.score for one in ranked]),
         ok=ok,
         false_alarms=float(false_alarms),
@@ -246,6 +261,153 @@ class Attempt(NamedTuple):
     mirrored: list[IntArray]
     hypotheses: list[Pose]
 
+    def is_better(self, found: "tuple[Attempt, float] | None", tried: int) -> bool:
+        if found is None:
+            return self.expected < np.inf
+        other = found[0]
+        if max(self.expected, other.expected) * tried < MOST_ALARMS:
+            return self.ranked[0].score > other.ranked[0].score
+        return self.expected < other.expected
+
+
+Look = Callable[[float, float], Attempt]
+"""Of a tolerance and a scale, what is found with them."""
+
+
+class Span(NamedTuple):
+    """Bounds of the scale, and the target's size."""
+
+    low: float
+    high: float
+    size: float
+
+    def parts(self, tolerance: float) -> tuple[FloatArray, float]:
+        """Return the scales to try, and the logarithm of the step that they aim at."""
+        step = float(np.log(1.0 + np.clip(tolerance / self.size, 0.02, 0.08)))
+        width = np.log(self.high / self.low)
+        count = max(1, int(np.ceil(width / step)))
+        return self.low * np.exp(width * (np.arange(count) + 0.5) / count), step
+
+
+def span_of_scales(p: FloatArray, q: FloatArray, scale: bool | tuple[float, float]) -> Span | None:
+    """None where the scale is known, for fewer than three points, or where those of a side coincide."""
+    if scale is False or len(p) < 3:
+        return None
+    sizes = [size_of(x) for x in (p, q)]
+    diagonals = [float(np.linalg.norm(np.ptp(x, axis=0))) for x in (p, q)]
+    if any(size <= 1e-12 * length for size, length in zip(sizes, diagonals, strict=True)):
+        return None
+    low, high = (0.0, np.inf) if scale is True else scale
+    rho = sizes[1] / sizes[0]
+    return Span(max(low, rho / 3.0), min(high, 3.0 * rho), sizes[1])
+
+
+def size_of(points: FloatArray) -> float:
+    def median(values: FloatArray) -> float:
+        return float(np.sort(values)[len(values) // 2])
+
+    middle = [median(axis) for axis in points.T]
+    return median(np.linalg.norm(points - middle, axis=1))
+
+
+def likely_scales(
+    p_raw: FloatArray, q_raw: FloatArray, ratio: FloatArray | None, span: Span, tolerance: float
+) -> list[float]:
+    """Return the likeliest scales, the best first."""
+    unit = tolerance / 3.0
+    q = centred(q_raw) / unit
+    level = levels(q, q, ratio)
+    tried, step = span.parts(tolerance)
+    found: list[tuple[float, float]] = []
+    for scale in tried:
+        p = centred(scale * p_raw) / unit
+        kept, joined = join(p, q, SCALE_VERTICES)
+        model = Model(p, q, level)
+        ranked = rank(model, motions(p, q, [kept[clique] for clique in cliques(joined, SCALE_EDGES)]), 1)
+        if ranked:
+            factor, pose = with_scale(ranked[0].pose, model)
+            score = float(model.terms(pose).sum()) * landing(model, ranked[0].pose, 5.0)[0]
+            found.append((score, float(np.clip(scale * factor, span.low, span.high))))
+    chosen: list[float] = []
+    for score, scale in sorted(found, key=lambda one: -one[0]):
+        if score > 0.0 and len(chosen) < SCALES and all(abs(np.log(scale / x)) > 2 * step for x in chosen):
+            chosen.append(scale)
+    return chosen
+
+
+def with_scale(pose: Pose, model: Model, deviation: float = SIGMA) -> tuple[float, Pose]:
+    """Refine a pose with a factor of the source, which the rotation is multiplied by."""
+    factor = 1.0
+    for _ in range(SCALE_ROUNDS):
+        squares = model.squares(pose)
+        near = squares < (3.0 * deviation) ** 2
+        p, q = model.p[near], model.q[near]
+        if not fixes_rotation(p, q):
+            break
+        weight = posterior(model.level[near] - squares[near] / (2.0 * SIGMA**2))
+        rotation = weighted_kabsch(p, q, weight).rotation
+        p_mean, q_mean = (np.average(x, axis=0, weights=weight) for x in (p, q))
+        turned = (p - p_mean) @ rotation.T
+        factor = float((weight @ (turned * (q - q_mean))).sum() / (weight @ turned**2).sum())
+        pose = Pose(factor * rotation, q_mean - factor * rotation @ p_mean)
+    return factor, pose
+
+
+def join(p: FloatArray, q: FloatArray, most: int) -> tuple[IntArray, BoolArray]:
+    """Return which matches are joined at most, and which of them are."""
+    agrees = distance_difference(p, q) < 3.0
+    kept = np.sort(np.argsort(-agrees.sum(axis=1), kind="stable")[:most])
+    joined = agrees & (np.minimum(edge_lengths(p), edge_lengths(q)) > 6.0)
+    return kept, joined[np.ix_(kept, kept)]
+
+
+def motions(p: FloatArray, q: FloatArray, found: list[IntArray]) -> list[Pose]:
+    return [weighted_kabsch(p[c], q[c], np.ones(len(c))) for c in found if fixes_rotation(p[c], q[c])]
+
+
+def at_known_scale(look: Look, lengths: list[float], *, told: bool, turns: FloatArray, modes: int) -> Attempt:
+    """Return what is found with the likeliest tolerance, or another one."""
+    tried = len(lengths)
+    found = count_frames(look(lengths[0], 1.0), turns, modes)
+    for length in lengths[1:]:
+        if found.expected * tried < MOST_ALARMS:
+            break
+        other = look(length, 1.0)
+        if told:
+            is_better = other.expected * tried < MOST_ALARMS and is_near(found, other)
+        else:
+            is_better = other.expected < found.expected
+        if is_better and told and is_narrow(found):
+            found = found._replace(expected=other.expected)
+        elif is_better:
+            found = count_frames(other, turns, modes)
+    return found
+
+
+def at_likely_scale(
+    look: Look, likely: dict[float, list[float]], span: Span, tried: int, *, told: bool
+) -> tuple[Attempt, float]:
+    """Return what is found at the likeliest scale, and that; `likely` are the scales to try with each tolerance."""
+    best: tuple[Attempt, float] | None = None
+    first, *others = likely
+    for length, scales in likely.items():
+        for factor in scales:
+            other = look(length, factor)
+            sure = other.expected * tried < MOST_ALARMS
+            if (length == first or sure or not told) and other.is_better(best, tried):
+                best = other, factor
+        if best is not None and best[0].expected * tried < MOST_ALARMS:
+            break
+    middle = float(np.sqrt(span.low * span.high))
+    found, factor = best or (look(first, middle), middle)  # nothing that is no chance
+    for _ in range(NOISE_ROUNDS if others else 0):
+        if found.ranked:
+            pose, deviation = refined_by_noise(found.model, found.ranked[0].pose)
+            factor *= with_scale(pose, found.model, deviation)[0]
+            factor = float(np.clip(factor, span.low, span.high))
+            found = look(3.0 * found.unit, factor)
+    return found, factor
+
 
 def attempt(
     p_raw: FloatArray,
@@ -256,11 +418,8 @@ def attempt(
     mirrored_edges: int,
 ) -> Attempt:
     p, q = centred(p_raw) / unit, centred(q_raw) / unit
-    agrees = distance_difference(p, q) < 3.0
-    kept = np.sort(np.argsort(-agrees.sum(axis=1), kind="stable")[:VERTICES])
-    joined = (agrees & (np.minimum(edge_lengths(p), edge_lengths(q)) > 6.0))[np.ix_(kept, kept)]
-    found = [kept[clique] for clique in cliques(joined, EDGES)]
-    hypotheses = [weighted_kabsch(p[c], q[c], np.ones(len(c))) for c in found if fixes_rotation(p[c], q[c])]
+    kept, joined = join(p, q, VERTICES)
+    hypotheses = motions(p, q, [kept[clique] for clique in cliques(joined, EDGES)])
     mirrored = [kept[clique] for clique in cliques(joined, mirrored_edges)]
     return judge(p, q, ratio, unit, modes, hypotheses, kept, mirrored)
 
@@ -486,8 +645,7 @@ def equalled(model: Model, ranked: list[Ranked], found: list[IntArray]) -> bool:
     for one in ranked[:REFLECTIONS]:
         rows = model.squares(one.pose) <= 5.0**2
         starts.append(weighted_kabsch(p[rows], q[rows], np.ones(np.count_nonzero(rows))))
-    poses = [weighted_kabsch(p[c], q[c], np.ones(len(c))) for c in found if fixes_rotation(p[c], q[c])]
-    starts += sorted(poses, key=lambda pose: -mirrored.terms(pose).sum())[:1]
+    starts += sorted(motions(p, q, found), key=lambda pose: -mirrored.terms(pose).sum())[:1]
     own = count(model, ranked[0].pose)
     return any(count(mirrored, refine(start, mirrored, [SIGMA] * 5)) > 0.9 * own for start in starts)
 

@@ -19,23 +19,20 @@
 //! 7. The group: residuals of at most 5 under it.
 //! 8. The number of false alarms, and further instances (`confidence.rs`).
 //!
-//! Where no tolerance is given, steps 1 to 8 are done with the likeliest one, and without frames with others, twice as large each,
-//! on both ways, until one answer is sure. The noise is estimated under it, and the pose refined by that (`noise.rs`). Where it is
-//! more than the tolerance allows for, the poses that were found are judged again with the tolerance that belongs to it.
-//! Where a resolution is given, another tolerance only says whether the motion that was found is sure, unless the given one is far
-//! too great for the noise. Without one, the fewest false alarms win.
+//! Where no tolerance is given, several are tried, and the pose is refined by the noise (`attempts.rs`, `noise.rs`).
+//! Where the scale is unknown, this is done at the likeliest scales (`scale.rs`).
 //!
 //! Cost O(n^2) tests of pairs, and O(n) a hypothesis.
 
+mod attempts;
 mod confidence;
 mod frames;
 mod noise;
-
-use std::rc::Rc;
+mod scale;
 
 use nalgebra::{Matrix3, Vector3};
 
-use confidence::{Judge, MOST_FALSE_ALARMS};
+pub use scale::Scale;
 
 use super::GroupingMethod;
 use crate::compatibility::agreement::DistanceAgreement;
@@ -44,13 +41,10 @@ use crate::consensus::choice::poses_among;
 use crate::consensus::cliques::clique_poses;
 use crate::consensus::landing::{Landing, landings};
 use crate::consensus::likelihood::Likelihood;
-use crate::consensus::likelihood::levels::levels;
-use crate::consensus::modes::{Mode, displacement, find_modes};
-use crate::error::positive;
+use crate::consensus::modes::{Mode, find_modes};
 use crate::geometry::rigid::Rigid;
 use crate::grouping_result::{Alternative, mask_of};
 use crate::options::method;
-use crate::rule::{Agreement, Kind, Rule};
 use crate::selection::top_k::largest;
 use crate::{Correspondences, Execution, Grouping, Points, Result, memory};
 
@@ -64,20 +58,6 @@ const SHORTEST: f64 = 2.0;
 
 /// Pairs that cliques grow from.
 const SEEDS: usize = 1_000;
-
-/// Resolutions in a tolerance.
-const RESOLUTIONS: f64 = 3.0;
-
-/// Powers of two by which other tolerances are tried, where a resolution is given and where none is.
-const OCTAVES: (i32, i32) = (2, 4);
-
-/// A tolerance is too small for noise of more than this many times its deviation, and too great for less than one of so many
-/// parts of it.
-const TOO_SMALL: f64 = 1.5;
-const TOO_GREAT: f64 = 6.0;
-
-/// Poses that lay the source points less than this many tolerances apart (root mean square) are the same motion.
-const NEAR: f64 = 2.0;
 
 /// Correspondences whose cliques are sought.
 const MOST_VERTICES: usize = 2_500;
@@ -94,6 +74,8 @@ method! {
         pub modes: usize = 40;
         /// Most rigid motions whose groups are returned.
         pub instances: usize = 1;
+        /// What is known of the scale: by default that it is 1.
+        pub scale: Scale = Scale::default();
     }
 }
 
@@ -124,197 +106,12 @@ struct Answer {
     by_frames: bool,
 }
 
-/// What was found with one tolerance.
-struct Attempt<'a> {
-    problem: Problem<'a>,
-    joined: Rc<Joined>,
-    hypotheses: Vec<Rigid>,
-    likelihood: Likelihood,
-    answer: Answer,
-    false_alarms: f64,
-}
-
 impl GroupingMethod for LikelihoodConsensus {
     fn run(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
-        let tolerances = self.tolerances(correspondences, execution)?;
-        let rotations = frames::proposed_rotations(correspondences)?;
-        let rotations = rotations.as_deref();
-        // Each of several tolerances could have found by chance what one did.
-        let tried = tolerances.len() as f64;
-        let is_told = correspondences.resolution().is_some();
-        let mut found = self.attempt(correspondences, tolerances[0], execution)?;
-        self.count_frames(&mut found, rotations)?;
-        for tolerance in &tolerances[1..] {
-            if found.is_sure(tried) {
-                break;
-            }
-            let other = self.attempt(correspondences, *tolerance, execution)?;
-            let is_better = if is_told {
-                other.is_sure(tried) && found.is_near(&other)?
-            } else {
-                other.false_alarms < found.false_alarms
-            };
-            if is_better && is_told && found.is_narrow()? {
-                found.false_alarms = other.false_alarms;
-            } else if is_better {
-                found = other;
-                self.count_frames(&mut found, rotations)?;
-            }
+        match self.scale {
+            Scale::Known => self.run_known(correspondences, execution),
+            Scale::Between(low, high) => self.run_scaled(correspondences, (low, high), execution),
         }
-        let mut noise = None;
-        if self.tolerance.is_none() {
-            noise = found.refine_by_noise(tried)?;
-            if let Some(wider) = self.suited(correspondences, &found, rotations, tried, noise)? {
-                found = wider;
-                noise = found.refine_by_noise(tried)?;
-            }
-        }
-        found.false_alarms *= tried;
-        Ok(Grouping { noise, ..found.report(self.instances)? })
-    }
-}
-
-impl LikelihoodConsensus {
-    /// The tolerances to try, the likeliest first.
-    fn tolerances(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Vec<f64>> {
-        if let Some(given) = self.tolerance {
-            return Ok(vec![positive("tolerance", given)?]);
-        }
-        let (first, reach) = match correspondences.resolution() {
-            Some(resolution) => (RESOLUTIONS * resolution, OCTAVES.0),
-            None => (noise::likely_tolerance(correspondences, execution)?, OCTAVES.1),
-        };
-        let both = (1..=reach).flat_map(|octave| [octave, -octave]);
-        Ok(std::iter::once(0).chain(both).map(|octave| first * 2.0_f64.powi(octave)).collect())
-    }
-
-    /// What position alone finds with a tolerance.
-    fn attempt<'a>(
-        &self,
-        correspondences: &'a Correspondences,
-        tolerance: f64,
-        execution: &'a Execution,
-    ) -> Result<Attempt<'a>> {
-        let (source, target) = correspondences.positions("lc")?;
-        let problem = Problem { source, target, tolerance, modes: self.modes, execution };
-        let joined = Rc::new(problem.join()?);
-        let cliques = problem.cliques(&joined, target, SEEDS)?;
-        self.judge(correspondences, problem, joined, cliques)
-    }
-
-    /// Hypotheses by position, by the measure of a problem's tolerance.
-    fn judge<'a>(
-        &self,
-        correspondences: &Correspondences,
-        problem: Problem<'a>,
-        joined: Rc<Joined>,
-        hypotheses: Vec<Rigid>,
-    ) -> Result<Attempt<'a>> {
-        let Problem { source, target, tolerance, execution, .. } = problem;
-        let levels = levels(source, target, correspondences.optional_ratio(), CHANCE * tolerance, execution)?;
-        let likelihood = Likelihood::new(source, target, &levels, DEVIATION * tolerance, REACH * tolerance)?;
-        let ranked = problem.rank(&likelihood, &hypotheses)?;
-        let answer = Answer { likelihood: likelihood.copied()?, ranked, by_frames: false };
-        let false_alarms = f64::INFINITY;
-        let mut found = Attempt { problem, joined, hypotheses, likelihood, answer, false_alarms };
-        found.false_alarms = self.expected(&found)?;
-        Ok(found)
-    }
-
-    /// Number of false alarms with one tolerance.
-    fn expected(&self, found: &Attempt<'_>) -> Result<f64> {
-        found.judge().expected(&found.answer.ranked, self.tolerance.is_none().then_some(&*found.joined))
-    }
-
-    /// Lets frames count where there are any.
-    fn count_frames(
-        &self,
-        found: &mut Attempt<'_>,
-        rotations: Option<&[Option<Matrix3<f64>>]>,
-    ) -> Result<()> {
-        let Some(rotations) = rotations else { return Ok(()) };
-        let (judge, by_position) = (found.judge(), &found.answer);
-        let counted = frames::with_frames(&judge, by_position, rotations, &found.joined, &found.hypotheses)?;
-        if let Some(answer) = counted {
-            found.answer = answer;
-            found.false_alarms = self.expected(found)?;
-        }
-        Ok(())
-    }
-
-    /// What was found, judged anew with the tolerance that suits the noise, where its own is too small and this is sure.
-    fn suited<'a>(
-        &self,
-        correspondences: &Correspondences,
-        found: &Attempt<'a>,
-        rotations: Option<&[Option<Matrix3<f64>>]>,
-        tried: f64,
-        noise: Option<f64>,
-    ) -> Result<Option<Attempt<'a>>> {
-        let Some(noise) = noise.filter(|noise| *noise > TOO_SMALL * DEVIATION * found.problem.tolerance)
-        else {
-            return Ok(None);
-        };
-        let poses = memory::collect(found.answer.ranked.iter().map(|one| one.mode.pose))?;
-        let problem = Problem { tolerance: noise / DEVIATION, ..found.problem };
-        let mut wider = self.judge(correspondences, problem, Rc::clone(&found.joined), poses)?;
-        self.count_frames(&mut wider, rotations)?;
-        Ok(wider.is_sure(tried).then_some(wider))
-    }
-}
-
-impl Attempt<'_> {
-    fn judge(&self) -> Judge<'_> {
-        Judge { problem: &self.problem, likelihood: &self.likelihood }
-    }
-
-    /// Whether the best pose is no chance, of as many tolerances as were tried.
-    fn is_sure(&self, tried: f64) -> bool {
-        self.false_alarms * tried < MOST_FALSE_ALARMS
-    }
-
-    fn best_pose(&self) -> Option<&Rigid> {
-        self.answer.ranked.first().map(|best| &best.mode.pose)
-    }
-
-    /// Whether the best poses of two attempts are the same motion, or here is none.
-    fn is_near(&self, other: &Self) -> Result<bool> {
-        let (Some(pose), Some(of_other)) = (self.best_pose(), other.best_pose()) else {
-            return Ok(self.best_pose().is_none());
-        };
-        let tolerance = self.problem.tolerance.max(other.problem.tolerance);
-        Ok(displacement(pose, of_other, self.problem.source) < NEAR * tolerance)
-    }
-
-    /// Whether the tolerance is not far greater than the noise under the best pose asks for.
-    fn is_narrow(&self) -> Result<bool> {
-        let Some(pose) = self.best_pose() else { return Ok(false) };
-        let (_, noise) = noise::refined(&self.problem, &self.answer.likelihood, pose)?;
-        Ok(TOO_GREAT * noise > DEVIATION * self.problem.tolerance)
-    }
-
-    /// Refines the best pose, if it is sure, by the noise under it, and returns that.
-    fn refine_by_noise(&mut self, tried: f64) -> Result<Option<f64>> {
-        let is_sure = self.is_sure(tried);
-        let Some(best) = self.answer.ranked.first_mut() else { return Ok(None) };
-        let (pose, noise) = noise::refined(&self.problem, &self.answer.likelihood, &best.mode.pose)?;
-        if is_sure {
-            best.mode.pose = pose;
-        }
-        Ok(Some(noise))
-    }
-
-    fn report(&self, instances: usize) -> Result<Grouping> {
-        let Self { problem, answer, false_alarms, .. } = self;
-        let grouping = self.judge().judged(problem.report(answer)?, answer, instances, *false_alarms)?;
-        let rule = Rule::bounded(Kind::Residual, problem.group_radius()).or_equal();
-        let grouping = grouping.by(rule.agreeing(Agreement::difference(problem.tolerance)));
-        let grouping = grouping.with("resolution", problem.tolerance / RESOLUTIONS);
-        let dimensions = problem.dimensions(&grouping.mask)?;
-        let grouping = grouping.with("dimensions", dimensions as f64);
-        let grouping = grouping.with("hypotheses", self.hypotheses.len() as f64);
-        let grouping = grouping.with("by_frames", f64::from(u8::from(answer.by_frames)));
-        Ok(grouping.with("vertices", self.joined.vertices.len() as f64))
     }
 }
 
@@ -393,16 +190,15 @@ struct Joined {
 }
 
 impl Problem<'_> {
-    /// Joins all, or those that agree with the most others.
-    fn join(&self) -> Result<Joined> {
+    /// Joins all, or as many as may be of those that agree with the most others.
+    fn join(&self, most: usize) -> Result<Joined> {
         let Problem { source, target, tolerance, execution, .. } = *self;
         let shortest = SHORTEST * tolerance;
-        if source.len() <= MOST_VERTICES {
+        if source.len() <= most {
             let graph = AgreementGraph::new(source, target, tolerance, shortest, execution)?;
             return Ok(Joined { vertices: memory::collect(0..source.len())?, graph });
         }
-        let vertices =
-            DistanceAgreement::new(source, target, tolerance)?.most_agreeing(MOST_VERTICES, execution)?;
+        let vertices = DistanceAgreement::new(source, target, tolerance)?.most_agreeing(most, execution)?;
         let (p, q) = (source.subset(&vertices)?, target.subset(&vertices)?);
         let graph = AgreementGraph::new(&p, &q, tolerance, shortest, execution)?;
         Ok(Joined { vertices, graph })

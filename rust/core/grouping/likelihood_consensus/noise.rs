@@ -13,7 +13,7 @@ use crate::consensus::modes::annealed;
 use crate::geometry::neighbors::NearestNeighbors;
 use crate::geometry::resolution::mean_nearest_distance;
 use crate::geometry::rigid::Rigid;
-use crate::{Correspondences, Error, Execution, Points, Result, memory};
+use crate::{Error, Execution, Points, Result, memory};
 use rayon::prelude::*;
 
 /// The tolerance that is tried first, in mean distances of neighbouring points.
@@ -29,8 +29,7 @@ const WORSE: i32 = 2;
 const ROUNDS: usize = 5;
 
 /// A tolerance that suits matches as far apart as these are; any where all points of a side coincide.
-pub fn likely_tolerance(correspondences: &Correspondences, execution: &Execution) -> Result<f64> {
-    let (source, target) = correspondences.positions("lc")?;
+pub fn likely_tolerance(source: &Points, target: &Points, execution: &Execution) -> Result<f64> {
     let spacing = spacing(source, execution)?.min(spacing(target, execution)?);
     Ok(if spacing.is_finite() { SPACINGS * spacing } else { 1.0 })
 }
