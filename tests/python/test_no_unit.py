@@ -49,6 +49,14 @@ def test_a_resolution_too_small_for_the_noise_is_not_believed() -> None:
     assert found.diagnostics["resolution"] > 0.5
 
 
+def test_many_right_matches_do_not_hide_the_noise() -> None:
+    problem = make_problem(np.random.default_rng(1), 20_000, inlier_ratio=0.5, noise=1.5)
+    found = cgroup.lc(problem.source, problem.target)
+    assert found.noise is not None
+    assert 1.0 < found.noise < 3.0
+    assert found.mask[problem.inlier_mask].mean() > 0.8
+
+
 def test_auto_gives_other_methods_a_resolution() -> None:
     matches, _, right = drawn(1.0)
     for method in ("ransac", "sc2pcr", "mac", "gc"):

@@ -44,7 +44,7 @@ times the noise under that is no more than sigma. Others say nothing. Without a 
 nearest points (those that coincide aside), up to 16 times and a sixteenth, and the fewest false alarms win. False alarms count 5 or 9 times.
 Under the best pose, of radii 5 u 2^(k/2), k = -8 .. 8, from k = 0 on the one with the least number of false alarms is sought that
 is no greater than that of the 2 next ones on both sides. For each, the pose is refined by 5 rounds, deviation from 1.6 times
-0.54 radii down to that; supporters are those within the radius, apart 7/5 radii. That deviation is the noise, and where the false alarms are
+0.54 radii down to that; supporters are those within the radius, apart 7/5 radii, k' the share of k that it is of those looked at. That deviation is the noise, and where the false alarms are
 below 0.01, that pose the best. There, too, noise of more than 1.5 sigma has the poses of all modes judged again, as hypotheses in place of
 the cliques', with u = noise / 2.7 and the frames' stars and mirrored cliques of before; that counts if it has less than 0.01 false alarms.
 
@@ -507,8 +507,9 @@ def refined_by_noise(model: Model, pose: Pose) -> tuple[Pose, float]:
             squares = model.squares(fitted)
             rows = np.flatnonzero(squares <= radius**2)
             kept, looked = independent(model.p, model.q, squares, rows, 1.4 * radius)
-            chance = max(landing(model, fitted, radius)[1], len(rows) / len(squares)) * kept / max(1, looked)
-            least = max(0, kept - 3)
+            share = kept / max(1, looked)
+            chance = max(landing(model, fitted, radius)[1], len(rows) / len(squares)) * share
+            least = max(0, int(np.floor(share * len(rows) + 0.5)) - 3)
             tail = 0.0 if least <= chance else logsumexp(poisson.logpmf(least + np.arange(300), chance))
             tried[step] = 3.0 * np.log(len(squares)) - np.log(6.0) + tail, fitted
         best = min(tried, key=lambda k: (tried[k][0], abs(k)))

@@ -88,7 +88,9 @@ impl Trial {
         let near = landed.first().map_or(0.0, |landing| landing.chance);
         let chance = near.max(supporters.len() as f64 / n.max(1) as f64);
         let apart = independent(source, target, &squares, &supporters, APART / GROUP * radius)?;
-        let value = ln_false_alarms(n, apart.count, chance * apart.share);
+        // Not all of many are looked at: the others lie apart as often.
+        let count = (apart.share * supporters.len() as f64).round() as usize;
+        let value = ln_false_alarms(n, count, chance * apart.share);
         Ok(Self { step, deviation, pose, value })
     }
 }
