@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from register_shapes import FloatArray, arrow, best_guess, moved
 from shared_data import data_folder
@@ -117,16 +117,17 @@ def test_the_result_speaks_of_the_source_as_given(done: Registration) -> None:
 
 
 def test_the_covariance_is_that_of_the_scaled_source(done: Registration) -> None:
-    known = register(done.scale * SOURCE / SCALE, TARGET)
+    known = register(done.scale * SOURCE / SCALE, TARGET, voxel=done.voxel)
     for convention in ("gtsam", "g2o", "ros"):
-        # What is left of displacements differs a little from one voxel grid to another.
         spread, expected = (one.covariance_in(convention).diagonal() ** 0.5 for one in (done, known))
-        np.testing.assert_allclose(spread, expected, rtol=0.5)
-    np.testing.assert_allclose(done.deviations, known.deviations, rtol=1.0)
+        np.testing.assert_allclose(spread, expected, rtol=1e-6)
+    np.testing.assert_allclose(done.deviations, known.deviations, rtol=1e-6)
 
 
 @settings(max_examples=15, deadline=None)
 @example(off=-0.0234375, seed=79)  # stands still after more than twenty steps
+@example(off=0.0234375, seed=3)  # most of the prism fits wherever it slides along its axis
+@example(off=-0.0283, seed=42)
 @given(st.floats(-0.03, 0.03), st.integers(0, 99))
 def test_a_similarity_is_fitted(off: float, seed: int) -> None:
     shape = arrow(0)
@@ -135,11 +136,14 @@ def test_a_similarity_is_fitted(off: float, seed: int) -> None:
     source = prepare(apply(np.linalg.inv(motion), shape) / np.exp(off), voxel=0.06)
     start = motion.copy()
     start[:3, 3] += 0.02
+    points = source.voxels.points
+    expected = apply(motion @ scaling(float(np.exp(off))), points)
+    away = apply(start, points) - expected
+    assume(np.linalg.norm(away.mean(axis=0)) < 3 * 0.06)  # pairs are sought within three voxels
     fitted = fit_similarity(source, target, start)
     assert fitted is not None
     assert fitted.scale == pytest.approx(np.exp(off), rel=3e-3)
-    placed = apply(fitted.pose @ scaling(fitted.scale), source.voxels.points)
-    expected = apply(motion @ scaling(float(np.exp(off))), source.voxels.points)
+    placed = apply(fitted.pose @ scaling(fitted.scale), points)
     assert np.linalg.norm(placed - expected, axis=1).max() < 0.02
     assert fitted.resistance > 0.05
 

@@ -261,7 +261,8 @@ def fit_similarity(source: PreparedScan, target: PreparedScan, pose: FloatArray)
     voxel, transform, options = source.voxel, pose, run_options(source.threads)
     fixed, step = target.voxels.points, 0
     while True:
-        reach = voxel * (_REACH + (_LAST_REACH - _REACH) * min(step / _REACHED, 1.0))
+        share = min(step / _REACHED, 1.0)
+        reach = voxel * (_REACH + (_LAST_REACH - _REACH) * share)
         moved = apply(transform, source.voxels.points)
         offsets = np.concatenate(
             [-_core.nearest(moved, fixed, options, reach), _core.nearest(fixed, moved, options, reach)]
@@ -276,7 +277,9 @@ def fit_similarity(source: PreparedScan, target: PreparedScan, pose: FloatArray)
         arms = places - middle
         radius = np.median(np.linalg.norm(arms, axis=1))
         residuals = np.einsum("ij,ij->i", normals, offsets)
-        deviation = max(_PER_MEDIAN * float(np.median(np.abs(residuals))), _LEAST_DEVIATION * voxel)
+        # Most of a prism fits wherever it slides: the residuals of its ends count until the reach stays.
+        least = max(_LEAST_DEVIATION * voxel, (1 - share) * reach)
+        deviation = max(_PER_MEDIAN * float(np.median(np.abs(residuals))), least)
         weights = np.maximum(1 - (offsets**2).sum(axis=1) / reach**2, 0)
         weights *= np.maximum(1 - (residuals / (_CUT * deviation)) ** 2, 0) ** 2
         outwards = np.einsum("ij,ij->i", normals, arms)[:, None]
