@@ -22,6 +22,9 @@ DEV_EXTRAS := scans,bench,test,dev,docs
 # Runs a command whose output matters only where it fails.
 quietly = $(1) > $(VENV)/build.log 2>&1 || { cat $(VENV)/build.log; exit 1; }
 
+# Fresh seeds of the property tests: make test-random SEEDS=20
+SEEDS ?= 3
+
 # The documentation site.
 DOCS_OUT ?= target/site
 SPHINX = $(BIN)/python -m sphinx -d target/site-doctrees docs
@@ -42,7 +45,7 @@ DIST ?= dist
 UNSTABLE := RUSTC_BOOTSTRAP=1
 HOST := $(shell rustc --print host-tuple 2>/dev/null)
 
-.PHONY: help setup demo test test-rust test-python test-checked sanitize fuzz fmt lint types docs linkcheck audit package bench bench-peers clean
+.PHONY: help setup demo test test-rust test-python test-random test-checked sanitize fuzz fmt lint types docs linkcheck audit package bench bench-peers clean
 
 help: ## show this list
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -65,6 +68,16 @@ test-rust: | check-tools ## run the Rust tests
 
 test-python: $(VENV)/.ready-dev ## run the Python tests
 	$(BIN)/python -m pytest -n 2 --dist worksteal
+
+test-random: $(VENV)/.ready-dev ## run the property tests with SEEDS fresh seeds
+	@failed=; for seed in $$($(BIN)/python -c 'import random; print(*random.sample(range(10**6), $(SEEDS)))'); do \
+		echo "Seed $$seed:"; \
+		PROPTEST_RNG_SEED=$$seed cargo test --release --locked --quiet --test core invariance \
+			|| failed="$$failed PROPTEST_RNG_SEED=$$seed"; \
+		HYPOTHESIS_PROFILE=random $(BIN)/python -m pytest -q -n 2 --dist worksteal -m hypothesis --hypothesis-seed=$$seed \
+			|| failed="$$failed --hypothesis-seed=$$seed"; \
+	done; \
+	test -z "$$failed" || { echo "Failed with:$$failed"; exit 1; }
 
 test-checked: | check-tools ## run the Rust tests with overflow checks and debug assertions
 	cargo test --profile checked --locked --lib --tests

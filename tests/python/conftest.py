@@ -1,6 +1,7 @@
 """Hypothesis profiles, and the folder that command lines run in.
 
-HYPOTHESIS_PROFILE=thorough pytest ... runs many more examples.
+By default Hypothesis draws the same examples in every run. HYPOTHESIS_PROFILE=random draws new ones, or those of
+--hypothesis-seed; HYPOTHESIS_PROFILE=thorough draws many more.
 """
 
 import os
@@ -17,8 +18,16 @@ with patch.dict(
     import numpy as np  # noqa: F401 - it reads the variable once
 
 TOO_MUCH = [HealthCheck.too_slow, HealthCheck.data_too_large]
-settings.register_profile("default", max_examples=60, deadline=None, suppress_health_check=TOO_MUCH)
-settings.register_profile("thorough", max_examples=1000, deadline=None, suppress_health_check=TOO_MUCH)
+settings.register_profile(
+    "default",
+    max_examples=60,
+    deadline=None,
+    suppress_health_check=TOO_MUCH,
+    derandomize=True,
+    print_blob=True,
+)
+settings.register_profile("random", settings.get_profile("default"), derandomize=False)
+settings.register_profile("thorough", settings.get_profile("random"), max_examples=1000)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "default"))
 
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
