@@ -14,11 +14,13 @@ from dataclasses import astuple, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import psutil
 import pytest
 from dask_clusters import make_cluster
 from scene_tasks import count_calls, count_voxels, deadly, gated, odd_link, refuse, without_link
 
 from benchmark_runs import make_environment, wait_until
+from cgroup._runtime.cluster import reach_cluster
 from cgroup.datasets import standin_pair
 from cgroup.errors import InputError
 from cgroup.registration import DenseFront, PreparedScan, prepare
@@ -317,9 +319,26 @@ def test_a_cluster_gives_the_same_bits_and_a_client_stays_as_it_was(
         assert link_and_confirm(call) == expected
 
 
-def test_processes_of_this_machine_give_the_same_bits(scans: list[PreparedScan], expected: Bits) -> None:
+def test_a_local_scheduler_gives_the_same_bits_and_opens_no_port(
+    scans: list[PreparedScan], expected: Bits
+) -> None:
+    before = listening_ports()
+    with reach_cluster("local", 2) as client:
+        assert client.submit(pow, 2, 3).result() == 8
+        assert listening_ports() == before
+        address = client.scheduler_info()["address"]
+        program = f"from distributed import Client; Client({address!r}, timeout=2).submit(print)"
+        foreign = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+        assert foreign.returncode != 0
+        assert "does not match host" in foreign.stderr
     with open_workers(scans, 2, "local") as call:
         assert link_and_confirm(call) == expected
+
+
+def listening_ports() -> set[int]:
+    """Ports of TCP at which this process listens."""
+    connections = psutil.Process().net_connections("tcp")
+    return {each.laddr.port for each in connections if each.status == psutil.CONN_LISTEN}
 
 
 @pytest.mark.skipif(os.name == "nt", reason="there is no kill -9")
@@ -411,8 +430,8 @@ with Client({cluster[0]!r}, set_as_default=False) as client:
 
 
 @posix_only
-def test_ctrl_c_in_a_terminal_ends_the_processes_of_this_machine_in_silence(tmp_path: Path) -> None:
-    """A terminal sends it to all processes of the group."""
+def test_ctrl_c_in_a_terminal_ends_a_local_scheduler_in_silence(tmp_path: Path) -> None:
+    """A terminal sends it to all processes of the group, if there are any."""
     program = tmp_path / "program.py"
     program.write_text(
         """

@@ -17,10 +17,9 @@ if TYPE_CHECKING:
 _Task = TypeVar("_Task")
 
 LOCAL = "local"
-"""In place of an address: processes of this machine, started for the occasion."""
+"""In place of an address: a scheduler and threads in this process, which no other process can reach."""
 
 _PER_THREAD = 2  # tasks handed out per thread of a cluster: one to work on, one to go on with
-_LEAVE_CTRL_C = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
 _LOGGERS = ("distributed", "distributed.client", "tornado", "tornado.application", "asyncio")
 
 
@@ -29,10 +28,10 @@ class WorkersDiedError(Exception):
 
 
 @contextmanager
-def reach_cluster(scheduler: object, processes: int = 1) -> Generator[Any, None, None]:
+def reach_cluster(scheduler: object, threads: int = 1) -> Generator[Any, None, None]:
     """Return the client of a cluster: the one given, or one by the scheduler's address.
 
-    `LOCAL` starts so many processes with a thread each. A client that is given stays open.
+    `LOCAL` starts one in this process, with so many threads. A client that is given stays open.
 
     Raises
     ------
@@ -40,7 +39,7 @@ def reach_cluster(scheduler: object, processes: int = 1) -> Generator[Any, None,
         If Dask is not installed, or no scheduler can be reached.
     """
     try:
-        from distributed import Client, LocalCluster  # noqa: PLC0415 - optional
+        from distributed import Client  # noqa: PLC0415 - optional
         from distributed.comm.addressing import get_address_host_port  # noqa: PLC0415
     except ModuleNotFoundError as error:
         remedy = "dask isn't installed; pip install 'dask[distributed]'"
@@ -55,30 +54,41 @@ def reach_cluster(scheduler: object, processes: int = 1) -> Generator[Any, None,
             raise refusal("scheduler", scheduler, f"give an address, a distributed.Client, or {LOCAL!r}")
         try:
             if scheduler == LOCAL:
-                cluster = LocalCluster(
-                    n_workers=processes,
-                    threads_per_worker=1,
-                    dashboard_address="127.0.0.1:0",  # Dask opens a port even without a dashboard
-                    scheduler_kwargs={"dashboard": False},
-                    silence_logs=logging.CRITICAL,
-                    preload=_LEAVE_CTRL_C,
-                )
-                address: Any = opened.enter_context(cluster)
+                address: Any = opened.enter_context(_local_cluster(threads))
             else:
                 address = scheduler
                 get_address_host_port(address)  # else the client, which can't read it, hangs at its end
             client = opened.enter_context(Client(address, set_as_default=False))
-        except RuntimeError as error:
-            reason = " ".join(str(error).split())
-            remedy = (
-                f"its processes don't start ({reason}); they run the program's file first: call this under "
-                '`if __name__ == "__main__":` there'
-            )
-            raise InputError("scheduler", repr(scheduler), remedy) from error
         except (OSError, ValueError) as error:
             remedy = f"it can't be reached: {error}"
             raise InputError("scheduler", repr(scheduler), remedy) from error
         yield client
+
+
+@contextmanager
+def _local_cluster(threads: int) -> Generator[Any, None, None]:
+    """Start a cluster that communicates within the process: a port would let any local process run code."""
+    from distributed import LocalCluster  # noqa: PLC0415 - optional
+
+    nowhere = "127.0.0.1:0"  # Dask opens ports for HTTP even without a dashboard
+    cluster: Any = LocalCluster(
+        n_workers=1,
+        threads_per_worker=threads,
+        processes=False,
+        memory_limit=0,
+        dashboard_address=nowhere,
+        worker_dashboard_address=nowhere,
+        scheduler_kwargs={"dashboard": False},
+        silence_logs=logging.CRITICAL,
+    )
+
+    async def close_ports() -> None:
+        for node in (cluster.scheduler, *cluster.workers.values()):
+            node.http_server.stop()
+
+    with cluster:
+        cluster.sync(close_ports)
+        yield cluster
 
 
 def work_on_cluster(

@@ -50,8 +50,8 @@ def open_workers(
 ) -> Generator[CallEach, None, None]:
     """Work on threads of this process, or on a Dask cluster; results are the same bits.
 
-    `scheduler` is an address, a `distributed.Client`, or "local" for as many processes as there would be
-    threads. `keep` is a file of finished links, which are not computed again. `begin` is told of each pair.
+    `scheduler` is an address, a `distributed.Client`, or "local" for a scheduler of Dask in this process.
+    `keep` is a file of finished links, which are not computed again. `begin` is told of each pair.
     """
     workers = count_workers(threads)
     file = nullcontext() if keep is None else closing(KeptLinks(as_path("keep", keep), scans))
@@ -88,7 +88,7 @@ def _run_on_threads(scans: Sequence[PreparedScan], workers: int, job: _Job) -> N
 
 @contextmanager
 def _use_cluster(
-    scans: Sequence[PreparedScan], scheduler: object, processes: int
+    scans: Sequence[PreparedScan], scheduler: object, threads: int
 ) -> Generator[_Run, None, None]:
     """Reach a cluster, whose workers may come and go.
 
@@ -119,7 +119,7 @@ def _use_cluster(
                     raise InputError("scheduler", remedy=remedy) from result
                 job.take(number, pickle.loads(result))  # noqa: S301 - from a cluster that runs our code
 
-    with reach_cluster(scheduler, processes) as client:
+    with reach_cluster(scheduler, threads) as client:
         try:
             yield run
         finally:

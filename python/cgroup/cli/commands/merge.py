@@ -166,7 +166,7 @@ def merge_command(
     scheduler: str | None = option(
         None,
         "ADDRESS",
-        "Dask scheduler whose workers register the pairs; local starts one here.",
+        "Dask scheduler whose workers register the pairs; local: one within this process.",
         "Machines",
         "this process",
     ),
