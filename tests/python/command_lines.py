@@ -10,6 +10,7 @@ from cgroup import Correspondences
 from cgroup.cli import app, main
 from cgroup.datasets import standin_pair
 from cgroup.io import write_cloud, write_correspondences, write_transform
+from cgroup.io._results import LIST
 
 
 def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
@@ -48,6 +49,11 @@ def parse_command(words: list[str]) -> None:
         if not words:
             command.make_context(command.name, [], parent=context)
     assert getattr(command, "invoke_without_command", True), "a command is missing"
+
+
+def results_in(folder: Path) -> list[str]:
+    """Return the names of a folder's files, sorted, without the list that commands keep of them."""
+    return sorted(file.name for file in folder.iterdir() if file.name != LIST)
 
 
 def write_inputs(path: Path) -> None:

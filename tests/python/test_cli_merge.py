@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from command_lines import fail, run, succeed
+from command_lines import fail, results_in, run, succeed
 from placed_scenes import PAIR, known_scene
 
 from cgroup import InputError
@@ -72,7 +72,7 @@ def test_one_scene(calls: list[dict[str, Any]], capsys: Capture) -> None:
     assert "components  3 scans" in out
     assert "note        stranger.ply belongs to no other scan" in out
     names = ["graph.g2o", "merged.ply", "pairs.sqlite", "poses.tum", "scene.png"]
-    assert sorted(file.name for file in Path("scene").iterdir()) == names
+    assert results_in(Path("scene")) == names
     assert all(f"  {name}" in out for name in names)
     assert len(read_transforms("scene/poses.tum")) == 3
     assert len(PoseGraph.read("scene/graph.g2o").edges) == 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Collection
 from functools import wraps
 from inspect import Parameter, signature
@@ -10,13 +11,14 @@ from typing import Any, TypeVar, cast
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from cgroup import __version__
 from cgroup.cli.options import FRONT, JSON, OUTPUT, SAVE, VERBOSE, WIDE
 from cgroup.cli.saved_runs import save_run
 from cgroup.cli.show.json import make_document, print_document
 from cgroup.cli.show.terminal import paint, print_line
 from cgroup.cli.wording import reworded_errors
 from cgroup.errors import NoConsensusError
-from cgroup.io._files import keeping_inputs
+from cgroup.io._files import digests_of_inputs, keeping_inputs
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
@@ -173,6 +175,14 @@ def command(
         return function
 
     return decorate
+
+
+def identify_run(context: Any) -> str:
+    """Return a digest of all that the results of a command depend on: what it was given, and has read."""
+    arguments = {one.name for one in context.command.params if one.param_type_name == "argument"}
+    given = {name: value for name, value in context.params.items() if name in arguments}
+    told = context.command_path, __version__, given, _options_of(context), sorted(digests_of_inputs().items())
+    return hashlib.sha256(repr(told).encode(errors="surrogateescape")).hexdigest()
 
 
 def _options_of(context: Any) -> dict[str, Any]:

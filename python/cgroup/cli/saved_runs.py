@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import platform
@@ -15,7 +14,7 @@ from typing import cast
 from cgroup._checks.quoting import show
 from cgroup.cli.show.json import SCHEMA_VERSION, Document, as_text
 from cgroup.errors import InputError
-from cgroup.io._files import read_content, write_file
+from cgroup.io._files import digest_of, digests_of_inputs, read_content, write_file
 from cgroup.io._results import check_folder, make_folder
 
 FOLDER = "CGROUP_RESULTS"
@@ -75,7 +74,10 @@ def names_of_runs() -> list[str]:
 
 def save_run(path: Path, document: Document) -> None:
     """Write a document, with when and where it came about; nothing half-written is ever left."""
-    inputs = [{**one, "sha256": _digest(one["file"])} for one in document["inputs"]]
+    read = digests_of_inputs()
+    inputs = [
+        {**one, "sha256": read.get(one["file"]) or digest_of(one["file"])} for one in document["inputs"]
+    ]
     saved = {
         "date": datetime.now().astimezone().isoformat(timespec="seconds"),
         "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores",
@@ -124,11 +126,3 @@ def remove_runs(names: Iterable[str]) -> list[Path]:
         message = f"{error.filename}: can't be removed ({error.strerror or error})"
         raise InputError(message) from error
     return files
-
-
-def _digest(file: str) -> str | None:
-    """Return the SHA-256 of a file, None where it isn't there any more."""
-    try:
-        return hashlib.sha256(Path(file).read_bytes()).hexdigest()
-    except (OSError, ValueError):
-        return None

@@ -14,7 +14,7 @@ import numpy as np
 
 from cgroup.errors import InputError
 from cgroup.io._files import read_content, write_file
-from cgroup.io._results import make_folder, remove_files
+from cgroup.io._results import make_folder, remove_file
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -49,7 +49,7 @@ def cached(kind: str, key: Iterable[str | bytes], make: Callable[[], dict[str, A
         if seal == _seal(name, content):
             with np.load(io.BytesIO(content)) as archive:
                 return dict(archive)
-        remove_files([path])
+        remove_file(path)
     arrays = make()
     buffer = io.BytesIO()
     np.savez_compressed(buffer, **arrays)

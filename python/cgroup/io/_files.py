@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import errno
+import hashlib
 import io
 import os
-import secrets
 import stat
 import struct
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -16,6 +16,7 @@ from cgroup import _core
 from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_instance, as_path
 from cgroup.errors import InputError
+from cgroup.io._parts import remove_dead_parts, replace_whole
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterable
@@ -44,7 +45,7 @@ def write_file(path: str | os.PathLike[str], content: bytes) -> None:
     Raises
     ------
     InputError
-        If the file can't be written, with the system's reason.
+        If the path is a link, a pipe or a device, or the file can't be written, with the system's reason.
 
     Examples
     --------
@@ -57,62 +58,97 @@ def write_file(path: str | os.PathLike[str], content: bytes) -> None:
     path, content = as_path("path", path), as_instance("content", content, bytes)
     check_outputs([path])
     try:
-        _replace(path, content)
+        if path.parent not in _run.swept:
+            _run.swept.add(path.parent)
+            remove_dead_parts(path.parent)
+        replace_whole(path, content, lambda: [tell(path, content) for tell in listeners])
     except (OSError, UnicodeEncodeError) as error:
         reason = error.strerror or error if isinstance(error, OSError) else "no such file name"
         message = f"{path}: can't be written ({reason})"
         raise InputError(message) from error
 
 
-def _replace(path: Path, content: bytes) -> None:
-    """Write beside a file, then put it in that one's place; write to what is no regular file as it is."""
-    target = Path(os.path.realpath(path))
-    try:
-        status = target.stat()
-    except FileNotFoundError:
-        status = None
-    if status is not None and not stat.S_ISREG(status.st_mode):
-        target.write_bytes(content)
-        return
-    if status is not None and not os.access(target, os.W_OK):
-        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
-    beside = target.with_name(f".cgroup-{secrets.token_hex(4)}.part")
-    try:
-        with beside.open("xb") as file:
-            if status is not None:
-                beside.chmod(stat.S_IMODE(status.st_mode))
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        beside.replace(target)
-    except BaseException:
-        with suppress(OSError):
-            beside.unlink()
-        raise
+listeners: list[Callable[[Path, bytes], object]] = []
+"""Called with each file and its content before it is replaced."""
 
 
-_inputs: set[tuple[int, int]] | None = None
-"""Device and number of the files that a command has read; None where they may be replaced."""
+@dataclass
+class _Run:
+    """What a command, or a process that runs none, has read and written.
+
+    Attributes
+    ----------
+    read : dict of (int, int) to (str, str)
+        Path and SHA-256 of each file that was read, by its device and number.
+    swept : set of path
+        Folders where no process has left a part of a file.
+    """
+
+    read: dict[tuple[int, int], tuple[str, str]] = field(default_factory=dict)
+    swept: set[Path] = field(default_factory=set)
+
+
+_run = _Run()
+_is_command = False
 
 
 @contextmanager
 def keeping_inputs() -> Generator[None]:
     """Refuse to replace a file that has been read meanwhile, by whatever name."""
-    global _inputs  # noqa: PLW0603 - of a command, which has the process for itself
-    before, _inputs = _inputs, set()
+    global _run, _is_command
+    before = _run, _is_command
+    _run, _is_command = _Run(), True
     try:
         yield
     finally:
-        _inputs = before
+        _run, _is_command = before
+
+
+def digests_of_inputs() -> dict[str, str]:
+    """Return the SHA-256 of the files that the command has read, by path."""
+    return dict(_run.read.values())
+
+
+def is_input(path: Path) -> bool:
+    """Whether the command has read the file, by whatever name."""
+    return _identify(path) in _run.read
+
+
+def digest_of(path: str | os.PathLike[str]) -> str | None:
+    """Return the SHA-256 of a regular file; None where it can't be read."""
+    digest = hashlib.sha256()
+    try:
+        if _what_else(Path(path).stat()):
+            return None
+        with Path(path).open("rb", buffering=0) as file:
+            while chunk := file.read(_CHUNK):
+                digest.update(chunk)
+    except (OSError, ValueError):
+        return None
+    return digest.hexdigest()
 
 
 def check_outputs(paths: Iterable[Path], inputs: Iterable[str | os.PathLike[str]] = ()) -> None:
-    """See that no output would replace what was read, or is told, before anything is written."""
-    kept = {*(_inputs or ()), *map(_identify, inputs)} - {None}
+    """Refuse outputs that would replace what was read, or is told, and those that are no regular files."""
+    kept = {*_run.read, *map(_identify, inputs)} - {None}
     for path in paths:
         if _identify(path) in kept:
             message = f"{path}: is one of the inputs, and would be replaced; write elsewhere"
             raise InputError(message)
+        if kind := _irregular(path):
+            message = f"{path}: is {kind}, not a file; write elsewhere, or remove it"
+            raise InputError(message)
+
+
+def _irregular(path: Path) -> str | None:
+    """Return what else a file is that could be written to; None for a regular one, or where none is."""
+    try:
+        mode = path.lstat().st_mode
+    except (OSError, ValueError):
+        return None
+    if stat.S_ISLNK(mode):
+        return "a link"
+    return None if stat.S_ISREG(mode) or stat.S_ISDIR(mode) else "a pipe, a device or a socket"
 
 
 def _identify(path: str | os.PathLike[str]) -> tuple[int, int] | None:
@@ -175,12 +211,13 @@ def _open_and_read(path: Path) -> bytes | str:
         status = os.fstat(file.fileno())
         if else_there := _what_else(status):
             return else_there
-        if _inputs is not None:
-            _inputs.add((status.st_dev, status.st_ino))
         content = io.BytesIO()  # gives its bytes away without a copy
         while chunk := file.read(min(_CHUNK, status.st_size - content.tell())):
             content.write(chunk)
-        return content.getvalue()
+    found = content.getvalue()
+    if _is_command and (status.st_dev, status.st_ino) not in _run.read:
+        _run.read[status.st_dev, status.st_ino] = str(path), hashlib.sha256(found).hexdigest()
+    return found
 
 
 def _what_else(status: os.stat_result) -> str | None:

@@ -1,16 +1,28 @@
-"""Result folders: checked before work starts, made at the first output."""
+"""Result folders: checked before work starts, made at the first output; what a run may replace and remove.
+
+A run replaces and removes only what an earlier run wrote into the folder, and nobody has changed since. A
+list in the folder, a line of JSON per file, has what wrote each, and the digests of its content.
+"""
 
 from __future__ import annotations
 
-from contextlib import contextmanager
+import hashlib
+import json
+import os
+from collections import defaultdict
+from contextlib import contextmanager, suppress
 from tempfile import TemporaryFile
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from cgroup.errors import InputError
+from cgroup.io._files import check_outputs, digest_of, is_input, listeners
 
 if TYPE_CHECKING:
     from collections.abc import Generator, Iterable
     from pathlib import Path
+
+LIST = ".cgroup-files.jsonl"
+"""Name of the list; processes that write to one folder append to it side by side."""
 
 _NO_FOLDER = "can't be made a folder for the results"
 
@@ -30,11 +42,127 @@ def make_folder(path: Path) -> Path:
     return path
 
 
-def remove_files(paths: Iterable[Path]) -> None:
-    """Remove what an earlier run has left, so that it isn't taken for what this one found."""
-    for path in paths:
-        with _refusing(path, "can't be removed"):
-            path.unlink(missing_ok=True)
+def remove_file(path: Path) -> None:
+    """Remove a file, if it is there."""
+    with _refusing(path, "can't be removed"):
+        path.unlink(missing_ok=True)
+
+
+class _Line(NamedTuple):
+    """A file that a run wrote."""
+
+    by: str
+    run: str
+    digest: str
+
+
+class Results:
+    """The files that runs of a kind leave in a folder.
+
+    Parameters
+    ----------
+    folder : path
+        Where they are written.
+    by : str
+        What writes them, such as "merge" or "register source_on_target": the next such run removes what it
+        doesn't write again.
+    """
+
+    def __init__(self, folder: Path, by: str) -> None:
+        self._folder, self._by = folder, by
+
+    def check(self, paths: Iterable[Path], inputs: Iterable[str | os.PathLike[str]] = ()) -> None:
+        """Refuse to replace an input, what is no regular file, and what no run has left as it is."""
+        paths = list(paths)
+        check_outputs(paths, inputs)
+        lines = self._read()
+        for path in paths:
+            if os.path.lexists(path) and not path.is_dir() and not self._found(path, lines):
+                message = f"{path}: is there, and not as cgroup wrote it; move it, or give another folder"
+                raise InputError(message)
+
+    @contextmanager
+    def writing(self, run: str = "") -> Generator[list[Path]]:
+        """Make the folder, list each file that is written to it, and yield these; at last remove the others.
+
+        Files of an earlier run stay if it was the same `run`, other than "", and wrote the same as this one.
+        """
+        written: list[Path] = []
+        lines: dict[str, _Line] = {}
+        was_there, before = self._folder.exists(), self._read()
+        make_folder(self._folder)
+
+        def add(path: Path, content: bytes) -> None:
+            if (name := self._name(path)) is not None:
+                self.check([path])
+                if name not in lines:
+                    written.append(path)
+                lines[name] = _Line(self._by, run, hashlib.sha256(content).hexdigest())
+                self._append(name, lines[name])
+
+        listeners.append(add)
+        try:
+            yield written
+        finally:
+            listeners.remove(add)
+            if not was_there:
+                with suppress(OSError):  # it holds something
+                    self._folder.rmdir()
+        is_same = bool(run and lines) and all(line in before[name] for name, line in lines.items())
+        for name in sorted(before.keys() - lines.keys()):
+            path = self._folder / name
+            runs = {line.run for line in self._found(path, before) if line.by == self._by}
+            if runs and not is_input(path) and not (is_same and run in runs):
+                remove_file(path)
+
+    def _found(self, path: Path, lines: dict[str, list[_Line]]) -> list[_Line]:
+        """Return the lines of a regular file in the folder that has the content they list.
+
+        The list may be forged: a path that leads out of the folder, as by ``..`` or a link, has none.
+        """
+        listed = lines.get(self._name(path) or "", [])
+        try:
+            is_inside = path.resolve().is_relative_to(self._folder.resolve())
+        except (OSError, ValueError, RuntimeError):  # no name of a file, or links in a circle
+            return []
+        if not listed or path.is_symlink() or not path.is_file() or not is_inside:
+            return []
+        digest = digest_of(path)
+        return [line for line in listed if line.digest == digest]
+
+    def _name(self, path: Path) -> str | None:
+        """Return the path of a file in the folder, as the list has it."""
+        try:
+            return path.relative_to(self._folder).as_posix()
+        except ValueError:
+            return None
+
+    def _read(self) -> dict[str, list[_Line]]:
+        """Return the list by name, without lines that are cut off or foreign."""
+        lines: dict[str, list[_Line]] = defaultdict(list)
+        path = self._folder / LIST
+        check_outputs([path])
+        with _refusing(path, "can't be read"):
+            content = path.read_bytes() if path.exists() else b""
+        for text in content.splitlines():
+            with suppress(ValueError, TypeError, KeyError, RecursionError):
+                entry: Any = json.loads(text)
+                name, *line = (str(entry[key]) for key in ("file", "by", "run", "sha256"))
+                lines[name].append(_Line(*line))
+        return lines
+
+    def _append(self, name: str, line: _Line) -> None:
+        """Add a line, unless it is there."""
+        if line in self._read()[name]:
+            return
+        entry = {"by": line.by, "run": line.run, "file": name, "sha256": line.digest}
+        path = self._folder / LIST
+        with _refusing(path, "can't be written"):
+            number = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o666)
+            try:
+                os.write(number, json.dumps(entry).encode() + b"\n")
+            finally:
+                os.close(number)
 
 
 @contextmanager

@@ -11,6 +11,7 @@ from cgroup._checks.values import as_instance, as_path
 from cgroup._explain import explain_matches
 from cgroup._show.drawing import as_flags, as_points
 from cgroup.errors import InputError, NoConsensusError
+from cgroup.io._files import check_outputs
 from cgroup.pages.scene import kinds_of
 from cgroup.plots import style
 from cgroup.rigid import apply, check_rigid
@@ -143,9 +144,11 @@ def _open(rerun: Any, path: str | os.PathLike[str] | None) -> Any:  # noqa: ANN4
             remedy = "there is no recording; give a path, or call rerun.init(..., spawn=True) before"
             raise InputError("path", remedy=remedy)
         return recording
+    path = as_path("path", path)
+    check_outputs([path])
     recording = rerun.RecordingStream("cgroup")
     try:
-        recording.save(as_path("path", path))
+        recording.save(path)
     except (OSError, RuntimeError) as error:
         message = f"{path}: can't be written ({error})"
         raise InputError(message) from error

@@ -17,7 +17,8 @@ from cgroup.plots.agreement import planes, thin
 from cgroup.plots.scans import LEAST_RANGE, MOST_NAMED, look_at, place_nodes
 from cgroup.plots.shading import AMBIENT
 from cgroup.scenes import Scene
-from cgroup.scenes.scene_files import cloud_of, scan_colors
+from cgroup.scenes.scene import cloud_of
+from cgroup.scenes.scene_files import scan_colors
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -118,7 +119,7 @@ def _posed(scene: Scene) -> dict[int, FloatArray]:
     most = min(MAX_POINTS, _POINTS // len(rows))
     posed: dict[int, FloatArray] = {}
     for row in rows:
-        cloud = cloud_of(scene.names[row], scene.scans[row])
+        cloud = cloud_of(scene, row)
         few = cloud.points[thin(cloud.points, most)]
         posed[row] = few @ scene.poses[row, :3, :3].T + scene.poses[row, :3, 3]
     return posed

@@ -9,24 +9,27 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cgroup._checks.arrays import in_double
 from cgroup._checks.hooks import call_hook
 from cgroup._checks.values import as_index
 from cgroup._show.drawing import naming_missing_library
 from cgroup._show.notebook import result_table
 from cgroup._show.words import counted, number
+from cgroup.errors import InputError
 from cgroup.io import write_cloud, write_file
 from cgroup.io._files import check_outputs, written_path
+from cgroup.registration import PreparedScan
 from cgroup.registration.covariance import covariance_in
 from cgroup.registration.result import merge_clouds
 from cgroup.scenes.pose_graph import PoseGraph
-from cgroup.scenes.scene_files import POSE_FORMATS, cloud_of, format_poses, scan_colors
+from cgroup.scenes.scene_files import POSE_FORMATS, format_poses, scan_colors
+from cgroup.types import PointCloud, as_cloud
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from cgroup.features import Cloud
-    from cgroup.registration import PreparedScan
-    from cgroup.types import AnyCloud, FloatArray, PointCloud
+    from cgroup.types import AnyCloud, FloatArray
 
 _CLOUDS, _GRAPHS = (".ply", ".pcd"), (".g2o", ".json")
 
@@ -223,7 +226,8 @@ class Scene:
         Raises
         ------
         InputError
-            If there is no such component, a file can't be read again, or the voxel is no length.
+            If there is no such component, the voxel is no length, or a file can't be read again or has other
+            points than were registered.
         OutOfMemoryError
             Where the system gives no memory for the computation.
 
@@ -244,7 +248,7 @@ class Scene:
         return self.components[as_index("component", component, len(self.components), "components")]
 
     def _posed(self, rows: list[int]) -> list[PointCloud]:
-        return [cloud_of(self.names[row], self.scans[row]).transformed(self.poses[row]) for row in rows]
+        return [cloud_of(self, row).transformed(self.poses[row]) for row in rows]
 
     def _edges_among(self, rows: list[int]) -> list[tuple[int, int, Edge]]:
         """Return the edges between scans, behind the places of source and target among these."""
@@ -272,8 +276,8 @@ class Scene:
         Raises
         ------
         InputError
-            For another suffix, if there is no such component, if the file would replace a scan, or if it
-            can't be written.
+            For another suffix, if there is no such component, if the file would replace a scan or can't be
+            written, or as for `merged`.
         OutOfMemoryError
             Where the system gives no memory for the computation.
 
@@ -318,7 +322,8 @@ class Scene:
         Raises
         ------
         InputError
-            If matplotlib isn't installed, there is no such component, or a file can't be read again.
+            If matplotlib isn't installed, there is no such component, or a file can't be read again or has
+            other points than were registered.
 
         Examples
         --------
@@ -360,3 +365,29 @@ class Scene:
         ]
         title = f"Scene: {placed} of {len(self.scans)} scans in {counted(len(several), 'component')}"
         return result_table(title, placed / len(self.scans), rows)
+
+
+def cloud_of(scene: Scene, row: int) -> PointCloud:
+    """Return the cloud of a scan: that of a path is read again, a prepared scan has its own.
+
+    Raises
+    ------
+    InputError
+        If it has other points than those that were registered: its pose may be wrong for them.
+    """
+    name, scan = scene.names[row], scene.scans[row]
+    if isinstance(scan, PreparedScan):
+        return PointCloud(in_double(scan.scan.cloud.points), scan.scan.normals)
+    cloud = as_cloud(name, scan)
+    if scene.made is not None:
+        building, rows, _ = scene.made
+        registered = building.scans[rows.index(row)].scan.given
+        if cloud.faces is not None:  # points on large faces may follow the vertices
+            registered = registered[: len(cloud)]
+        if not np.array_equal(registered, cloud.points):
+            place = scan if isinstance(scan, str | os.PathLike) else name
+            message = (
+                f"{place}: was changed since it was registered, and its pose may be wrong; register again"
+            )
+            raise InputError(message)
+    return cloud

@@ -7,18 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cgroup._checks.arrays import in_double
 from cgroup.io._files import number_lines
 from cgroup.io._graphs import motion_lines
-from cgroup.registration import PreparedScan
-from cgroup.types import PointCloud, as_cloud
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from cgroup.types import AnyCloud, FloatArray
+    from cgroup.types import FloatArray
 
 _FIRST_COLORS = bytes.fromhex("E69F00 0072B2 009E73 CC79A7 56B4E9 D55E00 B8AC1B 7A5195")
 """As orange and blue of two scans, further colours that are told apart by every common kind of vision."""
@@ -38,13 +35,6 @@ def scan_colors(count: int) -> NDArray[np.uint8]:
     ]
     bytes_of = np.rint(255 * np.reshape(further, (-1, 3)))
     return np.concatenate([first, bytes_of]).astype(np.uint8)[:count]
-
-
-def cloud_of(name: str, scan: AnyCloud | PreparedScan) -> PointCloud:
-    """Return the cloud of a scan: that of a path is read, a prepared scan has its own."""
-    if isinstance(scan, PreparedScan):
-        return PointCloud(in_double(scan.scan.cloud.points), scan.scan.normals)
-    return as_cloud(name, scan)
 
 
 def format_poses(suffix: str, poses: FloatArray, rows: Sequence[int]) -> str:

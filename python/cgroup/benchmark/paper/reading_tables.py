@@ -11,6 +11,7 @@ import pandas as pd
 from cgroup.benchmark.paper.claims import CLAIMS
 from cgroup.benchmark.paper.readings import name_questions, read_questions
 from cgroup.io import write_file
+from cgroup.io._results import Results
 from cgroup.plots.readings import draw_readings
 
 if TYPE_CHECKING:
@@ -50,9 +51,10 @@ def write_readings(folder: Path, outcomes: Sequence[ReadingOutcome]) -> list[Pat
         CSV: as_csv(outcomes, questions).encode(),
         FIGURE: picture.getvalue(),
     }
-    for name, content in contents.items():
-        write_file(folder / name, content)
-    return [folder / name for name in contents]
+    with Results(folder, "readings").writing() as files:
+        for name, content in contents.items():
+            write_file(folder / name, content)
+    return files
 
 
 def list_figure_cells(outcomes: Sequence[ReadingOutcome]) -> pd.DataFrame:

@@ -32,6 +32,7 @@ from cgroup.benchmark.report.tables import dataset_table, failure_table, plain_t
 from cgroup.benchmark.report.trial_tables import overview_table
 from cgroup.benchmark.report.trials import make_trial_sections
 from cgroup.io import write_file
+from cgroup.io._results import Results
 from cgroup.pages.page import page_html, write_page
 
 if TYPE_CHECKING:
@@ -110,7 +111,8 @@ def write_report(
     ----------
     out : path
         Folder of the run. Gets ``report.html``, ``claims.md`` and ``figures/*.png|pdf``; and poses of 3DMatch
-        and KITTI, if there are any, as ``poses/SET/METHOD/SCENE/est.log``.
+        and KITTI, if there are any, as ``poses/SET/METHOD/SCENE/est.log``. What an earlier report wrote and
+        this one does not is removed.
     root : path, optional
         Folder with the data, for pictures of a few pairs; the environment says by default. Pairs that
         aren't there are left out.
@@ -125,7 +127,8 @@ def write_report(
     Raises
     ------
     InputError
-        If the folder has no records, some aren't what was written, or it can't be written to.
+        If the folder has no records, some aren't what was written, it can't be written to, or a file would be
+        replaced that no report wrote.
 
     Examples
     --------
@@ -141,7 +144,15 @@ def write_report(
     """
     tell = progress or ignore_progress
     tell("reading records")
-    data = ReportData.load(out)
+    data, results = ReportData.load(out), Results(out, "report")
+    results.check([out / REPORT, out / CLAIMS])
+    with results.writing():
+        _write(out, data, root, tell)
+    return out / REPORT
+
+
+def _write(out: Path, data: ReportData, root: Path | None, tell: Callable[[str], Any]) -> None:
+    """Write figures, claims, poses and the page."""
     frames = (each for each in (data.frame, data.trials) if len(each))
     pictures = PictureBook(out / FIGURES, tell, (name for each in frames for name in each["method"].unique()))
     evidence = Evidence(data.frame, data.timing)
@@ -163,7 +174,6 @@ def write_report(
     script = "".join(map(_read_part, ("tables.js", "charts.js", *(["claims.js"] if shown else []))))
     page = page_html(f"cgroup benchmark: {data.config['name']}", body, css=style, script=script)
     write_page(out / REPORT, page)
-    return out / REPORT
 
 
 def _make_parts(data: ReportData, evidence: Evidence, pictures: PictureBook) -> dict[str, Any]:

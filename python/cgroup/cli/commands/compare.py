@@ -6,11 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import typer
 
 from cgroup import io
 from cgroup._checks.values import refusal
 from cgroup.cli import options
-from cgroup.cli.command import command, make_app
+from cgroup.cli.command import command, identify_run, make_app
 from cgroup.cli.commands.register import PairFiles, placement_facts, registration_results
 from cgroup.cli.inputs import describe_pair, read_both
 from cgroup.cli.options import option
@@ -36,7 +37,7 @@ from cgroup.comparison import (
     write_table,
 )
 from cgroup.evaluation.ground_truth import CORRECT_WITHIN
-from cgroup.io._results import make_folder
+from cgroup.io._results import Results
 from cgroup.registration import correspond, register
 from cgroup.registry import label_of
 from cgroup.rigid import invert
@@ -129,6 +130,7 @@ def _say_correct(matches: int, correct: int) -> str:
     saves=True,
 )
 def compare_command(
+    context: typer.Context,
     source: Path = options.SOURCE,
     target: Path = options.TARGET,
     *,
@@ -161,6 +163,7 @@ def compare_command(
         true_pose,
         title=f"{shown_name(source)} to {shown_name(target)}",
         folder=out,
+        run=identify_run(context),
         html=html,
         limits=(max_rotation, max_displacement),
         **front_end,
@@ -177,6 +180,7 @@ def compare_command(
     saves=True,
 )
 def demo_command(
+    context: typer.Context,
     *,
     seed: int = option(0, "NUMBER", "Another seed, another shape.", "Shape", min=0),
     out: Path = options.OUT,
@@ -191,27 +195,28 @@ def demo_command(
     with show_stages() as begin:
         begin("generating two scans")
         pair = standin_pair(seed=seed)
-    source, target, truth = (make_folder(out) / name for name in ("source.ply", "target.ply", "truth.txt"))
-    clouds, true_pose, writer = (
-        (pair.source, pair.target),
-        pair.T_target_source,
-        PairFiles(out, source, target),
-    )
-    io.write_cloud(source, pair.source)
-    io.write_cloud(target, pair.target)
-    io.write_transform(truth, true_pose)
+    source, target, truth = (out / name for name in ("source.ply", "target.ply", "truth.txt"))
+    clouds, true_pose, run = (pair.source, pair.target), pair.T_target_source, identify_run(context)
+    writer = PairFiles(out, source, target, run, html=html)
+    results = Results(out, "demo")
+    results.check([source, target, truth])
+    with results.writing(run):
+        io.write_cloud(source, pair.source)
+        io.write_cloud(target, pair.target)
+        io.write_transform(truth, true_pose)
     said = _compare_methods(
         (source, target),
         clouds,
         true_pose,
         title="Generated pair",
         folder=out,
+        run=run,
         html=html,
     )
     with show_stages() as begin:
         done = register(*clouds, progress=begin)
         begin("figures")
-        written = writer.write(clouds, done, true_pose, html=html, merged=False)
+        written = writer.write(clouds, done, true_pose)
     said["results"]["registration"] = registration_results(done, clouds, true_pose)
     return {**said, "files": [source, target, truth, *said["files"], *written]}
 
@@ -223,11 +228,19 @@ def _compare_methods(
     *,
     title: str,
     folder: Path,
+    run: str,
     html: bool,
     limits: tuple[float, float] = (MAX_ROTATION, MAX_DISPLACEMENT),
     **front_end: Any,
 ) -> Document:
     """Match, group by every method, and write the files; `limits` are in degrees and pr."""
+    name, pages = name_of_pair(*files), ["comparison.html"] if html else []
+    endings = ["comparison.csv", "comparison.png", "precision_recall.png", "comparison.npz"]
+    rows, panels_file, curves_file, matches_file, *pages = (
+        folder / f"{name}_{ending}" for ending in (*endings, *pages)
+    )
+    outputs = Results(folder, f"compare {name}")
+    outputs.check([rows, panels_file, curves_file, matches_file, *pages])
     with show_stages() as begin:
         matches = correspond(*clouds, progress=begin, **front_end)
         pr = matches.resolution or np.nan
@@ -245,10 +258,6 @@ def _compare_methods(
         begin("figures")
         from cgroup.plots import comparison_figure, precision_recall_figure  # noqa: PLC0415 - slow to load
 
-        name = name_of_pair(*files)
-        endings = ["comparison.csv", "comparison.png", "precision_recall.png", "comparison.npz"]
-        written = [make_folder(folder) / f"{name}_{ending}" for ending in endings]
-        rows, panels_file, curves_file, matches_file = written
         titled = f"{title}: {_say_correct(len(correct), int(correct.sum()))}"
         panels = comparison_figure(
             clouds[0].points,
@@ -259,17 +268,18 @@ def _compare_methods(
             T_target_source=true_pose,
             title=titled,
         )
-        write_figure(panels_file, panels)
         scores = {result.method: result.score for result in results}
-        write_figure(curves_file, precision_recall_figure(scores, title=titled))
-        if html:
-            from cgroup.pages import comparison_page, write_page  # noqa: PLC0415 - slow to load
+        curves = precision_recall_figure(scores, title=titled)
+        with outputs.writing(run) as written:
+            write_table(rows, results)
+            write_figure(panels_file, panels)
+            write_figure(curves_file, curves)
+            io.write_correspondences(matches_file, matches)
+            for file in pages:
+                from cgroup.pages import comparison_page, write_page  # noqa: PLC0415 - slow to load
 
-            written.append(folder / f"{name}_comparison.html")
-            page = comparison_page(*clouds, matches, results, true_pose, correct=correct, title=title)
-            write_page(written[-1], page)
-        write_table(rows, results)
-        io.write_correspondences(matches_file, matches)
+                page = comparison_page(*clouds, matches, results, true_pose, correct=correct, title=title)
+                write_page(file, page)
     return {
         "inputs": describe_pair(files, clouds),
         "results": {

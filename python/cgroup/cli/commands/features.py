@@ -18,11 +18,12 @@ from cgroup.cli.show.terminal import (
     shown_name,
     write_figure,
 )
-from cgroup.io._results import make_folder
+from cgroup.io._results import Results
 from cgroup.registration import Detector, describe, detect
 from cgroup.types import IndexArray, PointCloud
 
 _DETECTORS: dict[Detector, str] = {"h3d": "Harris 3D", "iss": "ISS"}
+_PICTURES = ("keypoints.ply", "keypoints.png")
 
 app = make_app()
 
@@ -57,17 +58,20 @@ def detect_command(
 
     Writes them as arrays, as a coloured cloud and as a picture.
     """
+    results = Results(out, "detect")
     with show_stages() as begin:
         points = read_cloud(cloud, begin)
+        results.check(out / name for name in ("keypoints.npz", *_PICTURES))
         begin("keypoints")
         found = detect(points, **front_end)
         begin("figure")
-        io.write_keypoints(make_folder(out) / "keypoints.npz", points, found)
-        pictures = _write_pictures(out, cloud, points, found, front_end["detector"])
+        with results.writing() as files:
+            io.write_keypoints(out / "keypoints.npz", points, found)
+            _write_pictures(out, cloud, points, found, front_end["detector"])
     return {
         "inputs": [describe_cloud("cloud", cloud, points)],
         "results": {"keypoints": len(found)},
-        "files": [out / "keypoints.npz", *pictures],
+        "files": files,
     }
 
 
@@ -91,12 +95,15 @@ def describe_command(
 
     Writes all as arrays, and the keypoints as a coloured cloud and as a picture.
     """
+    results = Results(out, "describe")
     with show_stages() as begin:
         points = read_cloud(cloud, begin)
+        results.check(out / name for name in ("descriptors.npz", *_PICTURES))
         described = describe(points, **front_end, progress=begin)
         begin("figure")
-        io.write_descriptors(make_folder(out) / "descriptors.npz", described)
-        pictures = _write_pictures(out, cloud, points, described.indices, front_end["detector"])
+        with results.writing() as files:
+            io.write_descriptors(out / "descriptors.npz", described)
+            _write_pictures(out, cloud, points, described.indices, front_end["detector"])
     return {
         "inputs": [describe_cloud("cloud", cloud, points)],
         "results": {
@@ -104,17 +111,17 @@ def describe_command(
             "keypoints": len(described),
             "descriptor_length": described.descriptors.shape[1],
         },
-        "files": [out / "descriptors.npz", *pictures],
+        "files": files,
     }
 
 
 def _write_pictures(
     folder: Path, file: Path, cloud: PointCloud, found: IndexArray, detector: Detector
-) -> list[Path]:
+) -> None:
     """Write the keypoints as a coloured cloud, and as a picture."""
     from cgroup.plots import keypoints_figure  # noqa: PLC0415 - slow to load
 
     title = f"{shown_name(file)}, {_DETECTORS[detector]}"
-    io.write_keypoints(folder / "keypoints.ply", cloud, found)
-    figure = keypoints_figure(cloud.points, {"Keypoints": found}, title=title)
-    return [folder / "keypoints.ply", write_figure(folder / "keypoints.png", figure)]
+    colored, picture = (folder / name for name in _PICTURES)
+    io.write_keypoints(colored, cloud, found)
+    write_figure(picture, keypoints_figure(cloud.points, {"Keypoints": found}, title=title))

@@ -20,8 +20,7 @@ from cgroup.cli.show.terminal import print_facts, print_files, print_line, print
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.evaluation import match_errors
 from cgroup.group import check_method, group
-from cgroup.io._files import check_outputs
-from cgroup.io._results import make_folder, remove_files
+from cgroup.io._results import Results
 from cgroup.registry import METHODS, label_of
 from cgroup.types import Correspondences, FloatArray, Grouping
 
@@ -120,14 +119,16 @@ def group_command(
     elif given.resolution is not None:
         as_length(f"{correspondences}: resolution", given.resolution)
     files = [out / f"{correspondences.stem}_{method}_{part}.txt" for part in _PARTS]
-    check_outputs(files)
+    outputs = Results(out, f"group {correspondences.stem}_{method}")
+    outputs.check(files)
     start = time.perf_counter()
     with show_stages() as begin:
         begin(f"grouping by {label_of(method)}")
         grouping = group(given, method, **method_options)
     seconds = time.perf_counter() - start
     results = _results(given, grouping)
-    files = _write_files(files, given, grouping, results["T_target_source"])
+    with outputs.writing() as written:
+        _write_files(files, given, grouping, results["T_target_source"])
     matches = {
         "role": "matches",
         "file": correspondences,
@@ -138,25 +139,21 @@ def group_command(
         "inputs": [matches],
         "options": {"method": method, "resolution": given.resolution},
         "results": {**results, "seconds": seconds},
-        "files": files,
+        "files": written,
         "refusal": _refuse(results),
     }
 
 
 def _write_files(
     files: list[Path], matches: Correspondences, grouping: Grouping, pose: FloatArray | None
-) -> list[Path]:
-    """Write mask, pose and residuals; without a pose, none of an earlier run is left."""
+) -> None:
+    """Write the mask; and pose and residuals, if there is a pose."""
     mask, transform, residuals = files
-    make_folder(mask.parent)
     io.write_mask(mask, grouping.mask)
-    if pose is None:
-        remove_files([transform, residuals])
-        return [mask]
-    io.write_transform(transform, pose)
-    lines = (f"{error!r}\n" for error in match_errors(matches.source, matches.target, pose).tolist())
-    io.write_file(residuals, "".join(lines).encode())
-    return files
+    if pose is not None:
+        io.write_transform(transform, pose)
+        lines = (f"{error!r}\n" for error in match_errors(matches.source, matches.target, pose).tolist())
+        io.write_file(residuals, "".join(lines).encode())
 
 
 def _refuse(found: Document) -> str | None:

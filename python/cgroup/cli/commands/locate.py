@@ -16,7 +16,7 @@ from cgroup.cli.show.tables import Column, print_table, show_length
 from cgroup.cli.show.terminal import print_clouds, print_facts, print_line, print_pose, show_stages
 from cgroup.errors import InputError
 from cgroup.io._files import check_outputs
-from cgroup.io._results import check_folder, make_folder, remove_files
+from cgroup.io._results import Results, check_folder, make_folder
 from cgroup.registration import Effort, Registration
 from cgroup.scenes import PreparedMap, locate, prepare_map
 from cgroup.scenes.locate import as_disk
@@ -94,17 +94,19 @@ def locate_command(
     Writes the pose, SCAN_in_MAP.txt. Places that share the probability, as where the map repeats, are listed.
     """
     pose, frames = out / f"{name_of_pair(scan, map, 'in')}.txt", name_frames(scan, map)
+    results = Results(out, f"locate {pose.stem}")
     check_outputs([pose], [scan, map])
     refuse_others([pose], frames)
+    results.check([pose])
     as_disk(near, radius)  # preparing a map may take long
     with show_stages() as begin:
         cloud = read_cloud(scan, begin)
         place, described = _open_map(map, voxel, save_map, begin)
         view: dict[str, Any] = {"viewpoint": viewpoint, "view_direction": view_direction, "axis": axis}
         found = locate(cloud, place, **view, near=near, radius=radius, effort=effort, progress=begin)
-    remove_files([pose])
-    if is_found := bool(found) and found[0].ok:
-        write_pose(make_folder(out) / pose.name, found[0].T_target_source, frames)
+    with results.writing() as files:
+        if is_found := bool(found) and found[0].ok:
+            write_pose(pose, found[0].T_target_source, frames)
     said: Document = {
         "inputs": [describe_cloud("scan", scan, cloud), described],
         "results": {
@@ -112,7 +114,7 @@ def locate_command(
             "levels": [{"voxel": level.voxel, "voxels": len(level.voxels)} for level in place.levels],
             "places": [registration_results(one) for one in found],
         },
-        "files": [*([pose] if is_found else []), *([save_map] if save_map else [])],
+        "files": [*files, *([save_map] if save_map else [])],
     }
     if not is_found:
         is_viewed = not (viewpoint is view_direction is cloud.viewpoint is None)

@@ -10,10 +10,9 @@ from typing import Any
 
 import typer
 
-from cgroup import io
 from cgroup._show.words import counted
 from cgroup.cli import options
-from cgroup.cli.command import command, make_app
+from cgroup.cli.command import command, identify_run, make_app
 from cgroup.cli.options import Point, choice, option
 from cgroup.cli.show.json import Document
 from cgroup.cli.show.tables import Column, print_table, show_length
@@ -21,11 +20,12 @@ from cgroup.cli.show.terminal import print_facts, print_line, show_stages, write
 from cgroup.cli.wording import is_given
 from cgroup.errors import CgroupError
 from cgroup.io._files import check_outputs
-from cgroup.io._results import make_folder, remove_files
+from cgroup.io._results import Results, make_folder
 from cgroup.registration import Effort
 from cgroup.registration.covariance import deviations_at
 from cgroup.rigid import apply
 from cgroup.scenes import Edge, Scene, register_all
+from cgroup.scenes.scene import cloud_of
 
 _SCANS = (
     Column("scan", is_text=True),
@@ -181,6 +181,8 @@ def merge_command(
     stays in pairs.sqlite, and a run that was killed goes on from there.
     """
     check_outputs(_all_files(out, len(scans)), scans)
+    results = Results(out, "merge")
+    results.check(_files_of(out, 1, html=html))
     with _folder_if_needed(out), show_stages() as begin:
         scene = register_all(
             scans,
@@ -197,7 +199,10 @@ def merge_command(
         )
         placed = _describe(scene, scans, begin)
         begin("writing")
-        files = _write(scene, out, html=html)
+        several = sum(len(rows) > 1 for rows in scene.components)
+        results.check(_files_of(out, several, html=html))
+        with results.writing(identify_run(context)) as files:
+            _write(scene, out, several, html=html)
     said: Document = {
         "inputs": [{"role": "scan", "file": file, **one} for file, one in zip(scans, placed[0], strict=True)],
         "results": {
@@ -209,7 +214,7 @@ def merge_command(
             "notes": scene.notes,
             "seconds": scene.seconds,
         },
-        "files": files,
+        "files": [*files, *([out / _PAIRS] if (out / _PAIRS).exists() else [])],
     }
     if len(scene.components) > 1:
         hint = (
@@ -245,9 +250,14 @@ def _names_of(files: Sequence[Path]) -> list[str]:
 
 def _all_files(folder: Path, scans: int) -> list[Path]:
     """List all files that a run on so many scans may write."""
-    of_components = (_POSES, _GRAPH, _MERGED, _PICTURE)
-    further = (_file(folder, name, k) for k in range(1, scans // 2) for name in of_components)
-    return [*(folder / name for name in _FILES), *further]
+    return [*_files_of(folder, max(1, scans // 2), html=True), folder / _PAIRS]
+
+
+def _files_of(folder: Path, components: int, *, html: bool) -> list[Path]:
+    """List the files of so many components of two scans or more."""
+    of_each = (_POSES, _GRAPH, _MERGED, _PICTURE)
+    files = [_file(folder, name, k) for k in range(components) for name in of_each]
+    return [*files, *([folder / _PAGE] if html else [])]
 
 
 def _file(folder: Path, name: str, component: int) -> Path:
@@ -266,7 +276,7 @@ def _describe(scene: Scene, files: Sequence[Path], begin: Any) -> tuple[list[Doc
             scans.append(_describe_scan(scene, row, None, (None, None)))
             continue
         begin(f"reading {file.name}")
-        cloud = io.read_cloud(file)
+        cloud = cloud_of(scene, row)
         middle = cloud.points.mean(axis=0)
         deviations = deviations_at(scene.covariance[row], apply(scene.poses[row], middle[None])[0])
         inputs.append({"points": len(cloud), "dropped": cloud.dropped, "centroid": middle})
@@ -303,22 +313,13 @@ def _describe_edge(edge: Edge) -> Document:
     }
 
 
-def _write(scene: Scene, folder: Path, *, html: bool) -> list[Path]:
-    """Write the files of each component of two scans or more; remove what an earlier run has left."""
-    written: list[Path] = []
-    check_outputs(_all_files(folder, len(scene.scans)))
-    for k, rows in enumerate(scene.components):
-        if len(rows) < 2:
-            break
+def _write(scene: Scene, folder: Path, components: int, *, html: bool) -> None:
+    """Write the files of each component of two scans or more."""
+    for k in range(components):
         for name in (_POSES, _GRAPH, _MERGED):
             scene.write(_file(folder, name, k), component=k)
-            written.append(_file(folder, name, k))
-        written.append(write_figure(_file(folder, _PICTURE, k), scene.plot(component=k)))
+        write_figure(_file(folder, _PICTURE, k), scene.plot(component=k))
     if html:
         from cgroup.pages import scene_page, write_page  # noqa: PLC0415 - slow to load
 
         write_page(folder / _PAGE, scene_page(scene))
-        written.append(folder / _PAGE)
-    pairs = folder / _PAIRS
-    remove_files(file for file in _all_files(folder, len(scene.scans)) if file not in [*written, pairs])
-    return [*written, *([pairs] if pairs.exists() else [])]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from collections import Counter
-from collections.abc import Iterator
 from pathlib import Path
 
 from cgroup import io
@@ -18,7 +17,7 @@ from cgroup.cli.show.tables import Column, print_table
 from cgroup.cli.show.terminal import print_clouds, print_facts, print_files, show_stages
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.io._files import check_outputs
-from cgroup.io._results import make_folder, remove_files
+from cgroup.io._results import Results
 from cgroup.registration import recognize
 
 _COLUMNS = (
@@ -105,10 +104,12 @@ def recognize_command(
     with show_stages() as begin:
         clouds = {name: read_cloud(file, begin) for name, file in files.items()}
         target = read_cloud(scene, begin)
-        earlier = {file: list(_earlier_files(out, file, scene)) for file in models}
-        for file, there in earlier.items():
-            check_outputs([*_files_of(out, file, scene, 1), *there])
-            refuse_others(there[::2], name_frames(file, scene))
+        results = {name: Results(out, f"recognize {_stem(file, scene, 1)}") for name, file in files.items()}
+        for name, file in files.items():
+            first = _files_of(out, file, scene, 1)
+            check_outputs(first)
+            refuse_others(first[:1], name_frames(file, scene))
+            results[name].check(first)
         found = recognize(
             clouds,
             target,
@@ -118,30 +119,31 @@ def recognize_command(
             most=most,
             progress=begin,
         )
-    copies: Counter[str] = Counter()
-    outputs: list[tuple[Path, Path]] = []
-    for name, _ in found:
-        copies[name] += 1
-        outputs.append(_files_of(out, files[name], scene, copies[name]))
-    written = list(itertools.chain.from_iterable(outputs))
-    check_outputs(written)
-    if found:
-        make_folder(out)
-    poses: list[Document] = []
-    for (name, one), (pose, posed) in zip(found, outputs, strict=True):
-        write_pose(pose, one.T_target_source, name_frames(files[name], scene))
-        io.write_cloud(posed, clouds[name].transformed(one.T_target_source))
-        poses.append(
-            {
-                "model": name,
-                "file": pose.name,
-                "T_target_source": one.T_target_source,
-                "probability": one.probability,
-                "fitness": one.fitness,
-                "inlier_rmse": one.inlier_rmse,
-            }
-        )
-    remove_files(file for there in earlier.values() for file in there if file not in written)
+    by_model = {name: [one for other, one in found if other == name] for name in files}
+    outputs = {
+        name: [_files_of(out, files[name], scene, copy) for copy in range(1, 1 + len(copies))]
+        for name, copies in by_model.items()
+    }
+    for name, pairs in outputs.items():
+        results[name].check(itertools.chain.from_iterable(pairs))
+    for name, copies in by_model.items():
+        with results[name].writing():
+            for one, (pose, posed) in zip(copies, outputs[name], strict=True):
+                write_pose(pose, one.T_target_source, name_frames(files[name], scene))
+                io.write_cloud(posed, clouds[name].transformed(one.T_target_source))
+    left = {name: iter(pairs) for name, pairs in outputs.items()}
+    written = [next(left[name]) for name, _ in found]
+    poses = [
+        {
+            "model": name,
+            "file": pose.name,
+            "T_target_source": one.T_target_source,
+            "probability": one.probability,
+            "fitness": one.fitness,
+            "inlier_rmse": one.inlier_rmse,
+        }
+        for (name, one), (pose, _) in zip(found, written, strict=True)
+    ]
     said: Document = {
         "inputs": [
             describe_cloud("scene", scene, target),
@@ -149,11 +151,11 @@ def recognize_command(
         ],
         "results": {
             "found": poses,
-            "not_found": [name for name in clouds if name not in copies],
+            "not_found": [name for name in clouds if not by_model[name]],
             "voxel": found[0][1].voxel if found else None,
             "seconds": sum(found[0][1].seconds.values()) if found else None,
         },
-        "files": written,
+        "files": list(itertools.chain.from_iterable(written)),
     }
     if not found:
         if not as_json:  # an error is an object of its own
@@ -164,16 +166,12 @@ def recognize_command(
     return said
 
 
+def _stem(model: Path, scene: Path, copy: int) -> str:
+    """Return what the files of a copy are called."""
+    return name_of_pair(model, scene, "in") + (f"-{copy}" if copy > 1 else "")
+
+
 def _files_of(folder: Path, model: Path, scene: Path, copy: int) -> tuple[Path, Path]:
     """Return where the pose and the posed cloud of a copy go."""
-    stem = name_of_pair(model, scene, "in") + (f"-{copy}" if copy > 1 else "")
+    stem = _stem(model, scene, copy)
     return folder / f"{stem}.txt", folder / f"{stem}.ply"
-
-
-def _earlier_files(folder: Path, model: Path, scene: Path) -> Iterator[Path]:
-    """List the poses and posed clouds of all copies whose pose is there."""
-    for copy in itertools.count(1):
-        files = _files_of(folder, model, scene, copy)
-        if not files[0].exists():
-            return
-        yield from files

@@ -13,7 +13,7 @@ import typer
 from cgroup import io
 from cgroup._checks.quoting import escape
 from cgroup.cli import options
-from cgroup.cli.command import command, make_app
+from cgroup.cli.command import command, identify_run, make_app
 from cgroup.cli.inputs import describe_pair, read_both
 from cgroup.cli.options import Point, choice, option
 from cgroup.cli.pose_files import name_frames, name_of_pair, refuse_others, write_pose
@@ -35,7 +35,7 @@ from cgroup.evaluation import PROTOCOLS, alignment_error, rotation_error, transl
 from cgroup.evaluation.ground_truth import OVERLAP_WITHIN
 from cgroup.group import check_method
 from cgroup.io._files import check_outputs
-from cgroup.io._results import make_folder, remove_files
+from cgroup.io._results import Results
 from cgroup.registration import DenseFront, Effort, PaperFront, Registration, assess, register
 from cgroup.registration.motions import say_direction
 from cgroup.rigid import apply, axis_of, invert, split_scale
@@ -288,7 +288,7 @@ def register_command(
     true_pose, rough = (None if file is None else io.read_transform(file) for file in (truth, initial))
     own = None if matches is None else io.read_correspondences(matches)
     clouds = read_both(source, target)
-    writer = PairFiles(out, source, target)
+    writer = PairFiles(out, source, target, identify_run(context), html=html, merged=merged)
     try:
         with show_stages() as begin:
             done = register(
@@ -310,15 +310,13 @@ def register_command(
                 progress=begin,
             )
             begin("figures")
-            files = writer.write(clouds, done, true_pose, html=html, merged=merged)
+            files = writer.write(clouds, done, true_pose)
     except NoConsensusError as error:
-        writer.remove()
         guess, reason = error.registration, str(reword(error, context))
+        for page in writer.write_refusal(clouds, guess, true_pose, reason):
+            write_error(f"cgroup: wrote {page.name} of the guess that is refused to {escape(str(out))}/")
         if guess is None:
             raise
-        if html:
-            page = writer.write_page(clouds, guess, true_pose, reason)
-            write_error(f"cgroup: wrote {page.name} of the guess that is refused to {escape(str(out))}/")
         results = registration_results(guess, clouds, true_pose)
         if true_pose is not None and not as_json:
             print_facts(("truth", f"the guess that is refused is {_say_truth(results)}"))
@@ -404,25 +402,28 @@ def _refuse_options_of_the_other_front(context: typer.Context, front: Front) -> 
 class PairFiles:
     """What is written of one pair, each file named after both clouds: SOURCE_on_TARGET.txt and so on."""
 
-    def __init__(self, folder: Path, source: Path, target: Path) -> None:
-        """Refuse to replace an input, or what was written of another pair of the same names."""
-        self._folder, self._name = folder, name_of_pair(source, target)
+    def __init__(
+        self, folder: Path, source: Path, target: Path, run: str, *, html: bool, merged: bool = False
+    ) -> None:
+        """Refuse to replace an input, what was written of another pair of the same names, or other files."""
+        self._folder, self._name, self._run = folder, name_of_pair(source, target), run
         self._frames = name_frames(source, target)
         self._title = f"{shown_name(source)} on {shown_name(target)}"
         self._page_title = f"{source.name} on {target.name}"
-        check_outputs(self._all)
+        self._is_wanted = {_MATCHES: False, _MERGED: merged, _PAGE: html}
+        self._results = Results(folder, f"register {self._name}")
+        check_outputs([self._file(ending) for ending in _FILES])
         refuse_others([self._file(_POSE)], self._frames)
+        self._results.check(self._wanted)
 
     @property
-    def _all(self) -> list[Path]:
-        return [self._file(ending) for ending in _FILES]
+    def _wanted(self) -> list[Path]:
+        return [self._file(ending) for ending in _FILES if self._is_wanted.get(ending, True)]
 
     def _file(self, ending: str) -> Path:
         return self._folder / f"{self._name}{ending}"
 
-    def write(
-        self, clouds: Clouds, done: Registration, truth: FloatArray | None, *, html: bool, merged: bool
-    ) -> list[Path]:
+    def write(self, clouds: Clouds, done: Registration, truth: FloatArray | None) -> list[Path]:
         """Write the pose, the moved source, matches if there are any, and a picture; return the files."""
         from cgroup.plots import registration_figure  # noqa: PLC0415 - slow to load
 
@@ -435,35 +436,36 @@ class PairFiles:
             T_target_source=pose,
             title=self._title,
         )
-        make_folder(self._folder)
-        write_pose(self._file(_POSE), pose, self._frames)
-        io.write_cloud(self._file(_ALIGNED), done.place(clouds[0]))
-        if has_matches := len(done.correspondences) > 0:
-            io.write_correspondences(self._file(_MATCHES), done.correspondences)
-        else:
-            remove_files([self._file(_MATCHES)])
-        write_figure(self._file(".png"), figure)
-        if merged:
-            io.write_cloud(self._file(_MERGED), done.merged(*clouds))
-        if html:
-            self.write_page(clouds, done, truth)
-        written = {_MATCHES: has_matches, _MERGED: merged, _PAGE: html}
-        return [self._file(ending) for ending in _FILES if written.get(ending, True)]
+        self._is_wanted[_MATCHES] = len(done.correspondences) > 0
+        self._results.check(self._wanted)
+        with self._results.writing(self._run) as written:
+            write_pose(self._file(_POSE), pose, self._frames)
+            io.write_cloud(self._file(_ALIGNED), done.place(clouds[0]))
+            if self._is_wanted[_MERGED]:
+                io.write_cloud(self._file(_MERGED), done.merged(*clouds))
+            if self._is_wanted[_MATCHES]:
+                io.write_correspondences(self._file(_MATCHES), done.correspondences)
+            write_figure(self._file(".png"), figure)
+            if self._is_wanted[_PAGE]:
+                self._write_page(clouds, done, truth)
+        return written
 
-    def write_page(
+    def write_refusal(
+        self, clouds: Clouds, guess: Registration | None, truth: FloatArray | None, refusal: str
+    ) -> list[Path]:
+        """Write the page of a guess if one is wanted, and nothing else; return the files."""
+        with self._results.writing(self._run) as written:
+            if guess is not None and self._is_wanted[_PAGE]:
+                self._write_page(clouds, guess, truth, refusal)
+        return written
+
+    def _write_page(
         self, clouds: Clouds, done: Registration, truth: FloatArray | None, refusal: str | None = None
-    ) -> Path:
-        """Write the page for the browser."""
+    ) -> None:
         from cgroup.pages import registration_page, write_page  # noqa: PLC0415 - slow to load
 
-        make_folder(self._folder)
         page = registration_page(*clouds, done, truth=truth, title=self._page_title, refusal=refusal)
         write_page(self._file(_PAGE), page)
-        return self._file(_PAGE)
-
-    def remove(self) -> None:
-        """Remove what an earlier run has left of the pair."""
-        remove_files(self._all)
 
 
 def registration_results(
