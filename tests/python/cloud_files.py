@@ -174,6 +174,37 @@ def npz(**arrays: np.ndarray) -> bytes:
     return file.getvalue()
 
 
+def vtk(kind: str, *, is_old: bool) -> bytes:
+    """Legacy VTK: cells as they were before version 5.1, each with its count, or as offsets and corners."""
+
+    def write(values: np.ndarray, dtype: str) -> bytes:
+        if kind == "ASCII":  # nine numbers a line, as VTK breaks them
+            rows = [values.reshape(-1)[i : i + 9] for i in range(0, values.size, 9)]
+            return "".join(" ".join(f"{x:g}" for x in row) + "\n" for row in rows).encode()
+        return values.astype(dtype).tobytes() + b"\n"
+
+    text = (
+        f"# vtk DataFile Version {3 if is_old else 5.1}\nby hand\n{kind}\nDATASET POLYDATA\nPOINTS 4 float\n"
+    )
+    content = text.encode() + write(TETRAHEDRON, ">f4") + b"METADATA\nINFORMATION 0\n\n"
+    if is_old:
+        content += b"POLYGONS 4 16\n" + write(np.c_[np.full(4, 3), FACES], ">i4")
+    else:
+        content += b"POLYGONS 5 12\nOFFSETS vtktypeint64\n" + write(np.arange(0, 13, 3), ">i8")
+        content += b"CONNECTIVITY vtktypeint64\n" + write(FACES, ">i8")
+    return (
+        content + b"\nPOINT_DATA 4\nSCALARS height float\nLOOKUP_TABLE default\n" + write(np.ones(4), ">f4")
+    )
+
+
+def records(*names: str) -> np.ndarray:
+    """The points as records, behind a label."""
+    array = np.zeros(4, dtype=[("label", "U3"), *((name, "<f8") for name in names)])
+    for name, values in zip(names, TETRAHEDRON.T, strict=True):
+        array[name] = values
+    return array
+
+
 AXES = "10 20 30\n1 0 0\n0 1 0\n0 0 1\n"
 PTX = f"2\n2\n{AXES}1 0 0 0\n0 1 0 0\n0 0 1 0\n10 20 30 1\n{numbers(np.c_[TETRAHEDRON - [10, 20, 30], np.ones(4), FACES])}".encode()
 MESH = document(
@@ -207,6 +238,19 @@ CLOUDS = {
     "points.xyz": XYZ,
     "commas.txt": XYZ.replace(b" ", b", "),
     "SHOUTED.XYZ": XYZ,
+    "decimal.txt": XYZ.replace(b".", b","),
+    "decimal.csv": CSV.replace(b",", b";").replace(b".", b","),
+    "points.asc": b"4\n" + XYZ,
+    "normals.xyzn": numbers(np.c_[TETRAHEDRON, np.eye(4)[:, :3]]).encode(),
+    "colors.xyzrgb": numbers(np.c_[TETRAHEDRON, FACES / 4]).encode(),
+    "upper.pcd": pcd("binary").replace(b"FIELDS x y z", b"FIELDS X Y Z"),
+    "ascii.vtk": vtk("ASCII", is_old=True),
+    "binary.vtk": vtk("BINARY", is_old=True),
+    "offsets.vtk": vtk("ASCII", is_old=False),
+    "new.vtk": vtk("BINARY", is_old=False),
+    "records.npy": npy(records("x", "y", "z")),
+    "records.npz": npz(points=records("X", "Y", "Z")),
+    "axes.npz": npz(**dict(zip("xyz", TETRAHEDRON.T, strict=True)), other=np.zeros(9)),
     "names.csv": CSV,
     "count.pts": PTS,
     "mixed.obj": MIXED_OBJ,

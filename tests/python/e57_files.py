@@ -56,7 +56,7 @@ LIMITS = (("minimum", str(-(2**63))), ("maximum", str(2**63 - 1)))
 
 def packets(streams: Sequence[bytes], size: int) -> bytes:
     """Streams in pieces of at most `size` bytes, an empty packet between the pieces."""
-    rounds = max(-(-len(stream) // size) for stream in streams)
+    rounds = max(1, *(-(-len(stream) // size) for stream in streams))
     written = []
     for i in range(rounds):
         pieces = [stream[i * size : (i + 1) * size] for stream in streams]

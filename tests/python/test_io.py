@@ -47,7 +47,7 @@ def test_reads_every_format(name: str, tmp_path: Path) -> None:
         corners = {frozenset(map(tuple, cloud.points[face])) for face in cloud.faces}
         assert corners == {frozenset(map(tuple, TETRAHEDRON[face])) for face in FACES}
     assert (cloud.faces is not None) == (
-        name.split(".")[1] in {"ply", "obj", "off", "stl", "glb", "gltf"}
+        name.split(".")[1] in {"ply", "obj", "off", "stl", "vtk", "glb", "gltf"}
     ) or (name == "points.obj")
     assert cloud.dropped == 0
 
@@ -108,13 +108,13 @@ def test_cut_off_file_is_an_error_or_shorter_text(name: str, share: float, tmp_p
     content = CLOUDS[name]
     path = tmp_path / name
     path.write_bytes(content[: int(share * len(content))])
-    # Nothing in OBJ and plain text says how much there should be.
+    # Nothing in OBJ and plain text says how much there should be, nor in VTK what follows the points.
     try:
         cloud = read_cloud(path)
     except InputError as error:
         assert "\n" not in str(error)  # noqa: PT017 - both outcomes are looked at
     else:
-        assert name.endswith(("obj", "xyz", "XYZ", "txt", "csv", "off"))
+        assert name.endswith(("obj", "xyz", "XYZ", "txt", "csv", "off", "vtk", "xyzn", "xyzrgb"))
         assert len(cloud) <= 4
         assert len(cloud) == 4 or not name.endswith("off")  # OFF counts its points
 
@@ -129,8 +129,12 @@ def test_cut_off_file_is_an_error_or_shorter_text(name: str, share: float, tmp_p
         "stl",
         "xyz",
         "csv",
+        "asc",
         "pts",
         "ptx",
+        "vtk",
+        "xyzn",
+        "xyzrgb",
         "e57",
         "glb",
         "gltf",
@@ -284,7 +288,7 @@ PAIR = {"source": np.zeros((2, 3)), "target": np.zeros((2, 3))}
         (read_cloud, "a.ply", PLY.replace(b"0 2 0\n", b"0 oh 0\n"), "cut off"),
         (read_cloud, "a.ply", PLY.replace(b"property float z\n", b""), "cut off"),
         (read_cloud, "nan.npy", npy(np.full((5, 3), np.nan)), "none of its 5 points is finite"),
-        (read_cloud, "a.docx", PLY, r"unknown point cloud format '\.docx'; known are \.bin \.csv"),
+        (read_cloud, "a.docx", PLY, r"unknown point cloud format '\.docx'; known are \.asc \.bin \.csv"),
         (read_correspondences, "c.npz", npz(src=np.zeros((2, 3))), "has no array 'source'; it holds src"),
         (read_correspondences, "c.npz", npz(), "holds nothing"),
         (read_correspondences, "c.npz", npz(**{**PAIR, "target": np.zeros((2, 4))}), r"c\.npz: target"),
@@ -294,7 +298,12 @@ PAIR = {"source": np.zeros((2, 3)), "target": np.zeros((2, 3))}
         (read_correspondences, "c.npz", b"PK not really", "not a readable NPZ file"),
         (read_correspondences, "c.npy", npy(np.zeros((2, 3, 2))), r"has an array of shape \(2, 3, 2\); corr"),
         (read_correspondences, "c.txt", b"1 2 3\n4 5 6\n", "has 3 columns; correspondences have six"),
-        (read_cloud, "p.npz", npz(a=TABLE, b=TABLE), "has no array named points or xyz; it holds a, b"),
+        (
+            read_cloud,
+            "p.npz",
+            npz(a=TABLE, b=TABLE),
+            "has no array named points or xyz, nor x, y and z; it holds a, b",
+        ),
         (read_cloud, "p.npz", npz(), "it holds nothing"),
         (read_cloud, "p.npz", npz(points=np.zeros((2, 3), dtype=object)), "numbers belong there"),
     ],

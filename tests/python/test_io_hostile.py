@@ -9,6 +9,7 @@ import threading
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -27,7 +28,7 @@ PCD_BOMB = (
 )
 
 
-def npy_header(shape: tuple[int, ...], kind: str = "<f8") -> bytes:
+def npy_header(shape: tuple[int, ...], kind: Any = "<f8") -> bytes:
     """An array without its numbers."""
     file = io.BytesIO()
     np.lib.format.write_array_header_1_0(file, {"descr": kind, "fortran_order": False, "shape": shape})
@@ -66,6 +67,17 @@ HOSTILE = {
     "zeros.gltf": CLOUDS["mesh.gltf"]
     .replace(b'{"bufferView": 0, ', b"{")
     .replace(b'"count": 4', b'"count": 400000000000'),
+    "count.asc": CLOUDS["points.asc"].replace(b"4\n", b"4000000000\n", 1),
+    "fewer.asc": CLOUDS["points.asc"].replace(b"4\n", b"3\n", 1),
+    "count.vtk": CLOUDS["ascii.vtk"].replace(b"POINTS 4", b"POINTS 4000000000"),
+    "overflow.vtk": CLOUDS["binary.vtk"].replace(b"POINTS 4", b"POINTS 6148914691236517206"),
+    "cells.vtk": CLOUDS["binary.vtk"].replace(b"POLYGONS 4 16", b"POLYGONS 4000000000 16"),
+    "corners.vtk": CLOUDS["new.vtk"].replace(b"POLYGONS 5 12", b"POLYGONS 5 4000000000"),
+    "field.vtk": CLOUDS["ascii.vtk"].replace(b"POINTS", b"FIELD a 1\nb 4000000000 4000000000 int\nPOINTS"),
+    "records.npy": npy_header((10**12,), [("x", "<f8"), ("y", "<f8"), ("z", "<f8")]),
+    "objects_in.npy": npy_header((4,), [("x", "|O"), ("y", "<f8"), ("z", "<f8")]) + b"\0" * 100,
+    "empty_in.npy": npy_header((10**12,), [("x", "<f8", (0,)), ("y", "<f8", (0,)), ("z", "<f8", (0,))]),
+    "lengths.npz": npz(x=np.zeros(3), y=np.zeros(3), z=np.zeros(2)),
     "count.stl": b"\0" * 80 + b"\xff" * 4 + b"\0" * 500,
     "shape.npy": npy_header((10**12, 3)),
     "exabytes.npy": npy_header((2**40, 2**40, 3)),

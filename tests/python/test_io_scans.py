@@ -359,8 +359,42 @@ def test_e57_that_promises_much_takes_little(read: Read) -> None:
     assert len(read("a.e57", e57((nothing, "")))) == 1
     many = {name: (integer(7, 7), np.broadcast_to(7, 10**9)) for name in XYZ}
     refuse(read, "a.e57", e57((many, "")), "its points would grow from 1024 to 24000000000 bytes")
+    # Records without bits take no bytes, so that their fields have to be few.
+    fields = XYZ | {
+        f"{name[:-1]}{i}": (integer(7, 7), [7] * 4) for i in range(3000) for name in ["cartesian0"]
+    }
+    assert len(read("a.e57", e57((fields, ""), size=900))) == 4
+    names = [f"colorRe{chr(97 + i)}" for i in range(26)]
+    repeated = e57((dict.fromkeys(names, nothing["cartesianX"]) | nothing, ""))
+    plain = b"".join(repeated[i : i + 1020] for i in range(0, len(repeated), 1024))
+    for name in names:
+        plain = plain.replace(f"<{name} ".encode(), b"<colorRed ")
+    again = seal(b"".join(plain[i : i + 1020] + bytes(4) for i in range(0, len(plain), 1020)))
+    refuse(read, "a.e57", again, "a scan with several fields colorRed")
     deep = "<q>" * 100_000 + "</q>" * 100_000
     assert len(read("a.e57", e57((XYZ, deep)))) == 4
+
+
+def test_scans_without_points_are_left_out(read: Read) -> None:
+    empty = {name: (FLOAT, []) for name in XYZ}
+    refuse(read, "a.e57", e57((empty, "")), "holds no points")
+    # Nothing need be where the records would be, as libE57's ZeroPoints.e57 has it.
+    zero = with_xml(b'recordCount="4"', b'recordCount="0"')
+    refuse(read, "a.e57", zero, "a.e57: holds no points")
+    nowhere = b"".join(zero[i : i + 1020] for i in range(0, len(zero), 1024)).replace(
+        b'fileOffset="48"', b'fileOffset="0" '
+    )
+    refuse(
+        read,
+        "a.e57",
+        seal(b"".join(nowhere[i : i + 1020] + bytes(4) for i in range(0, len(nowhere), 1020))),
+        "no points",
+    )
+    colors = dict.fromkeys(("colorRed", "colorGreen", "colorBlue"), (integer(0, 255), [1] * 4))
+    cloud = read("a.e57", e57((XYZ | colors, pose(1, 2, 3)), (empty, "")))
+    assert len(cloud) == 4
+    np.testing.assert_array_equal(cloud.colors, np.ones((4, 3)))
+    np.testing.assert_array_equal(cloud.viewpoint, [1, 2, 3])
 
 
 # --- glTF ------------------------------------------------------------------------------------

@@ -23,7 +23,10 @@ GROUPING = "Grouping"
 KEYPOINTS = "Keypoints and descriptors"
 OUTPUT = "Output"
 
-FORMATS = "PLY, PCD, XYZ, TXT, CSV, PTS, PTX, E57, OBJ, STL, OFF, GLTF, GLB, KITTI's BIN, NPY, NPZ, LAS, LAZ"
+FORMATS = (
+    "PLY, PCD, XYZ, ASC, TXT, CSV, PTS, PTX, E57, OBJ, STL, OFF, VTK, GLTF, GLB, "
+    "KITTI's BIN, NPY, NPZ, LAS, LAZ"
+)
 METHOD_NAMES = f"{', '.join(METHODS)}; in any case, and as tables show them (hough3d, SC2-PCR)"
 
 

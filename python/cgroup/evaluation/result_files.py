@@ -209,7 +209,9 @@ def _read_npz(file: Path) -> _Rows:
 
 
 def _read_csv(file: Path) -> _Rows:
-    table = csv.DictReader(load_text(file).splitlines(), restval="", skipinitialspace=True)
+    lines = load_text(file).splitlines()
+    separator = next((mark for mark in ";\t" if mark in "".join(lines[:1])), ",")
+    table = csv.DictReader(lines, restval="", skipinitialspace=True, delimiter=separator)
     names = [*(table.fieldnames or [])]
     columns = sorted((name for name in names if re.fullmatch(r"\D*\d\d", name)), key=lambda name: name[-2:])
     columns = _QUATERNION if {*_QUATERNION} <= {*names} else columns
@@ -223,7 +225,8 @@ def _read_csv(file: Path) -> _Rows:
             raise InputError(message)
         try:
             words = [row[name] for name in columns]
-            numbers = np.array([words if any(words) else [np.nan]], dtype=float)
+            # As in all texts, so that commas may be decimal ones.
+            numbers = load_numbers(";".join(words).encode()) if any(words) else np.array([[np.nan]])
             pose = find_poses("its pose", numbers)[0] if np.isfinite(numbers).all() else None
             pair = int(row["target"]), int(row["source"])
         except ValueError as error:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from collections import Counter
 from typing import TYPE_CHECKING, NamedTuple
 from xml.etree import ElementTree as ET
 
@@ -31,6 +32,8 @@ _CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
 _SPHERICAL = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")
 _NORMAL = ("normalX", "normalY", "normalZ")  # of the extension for surface normals
 _COLOR = ("colorRed", "colorGreen", "colorBlue")
+_INVALID = ("cartesianInvalidState", "sphericalInvalidState")
+_TAKEN = {*_CARTESIAN, *_SPHERICAL, *_NORMAL, *_COLOR, *_INVALID}
 
 
 class _Field(NamedTuple):
@@ -63,7 +66,8 @@ def parse_e57(content: bytes) -> CloudContent:
     with np.errstate(all="ignore"):  # numbers of files may be any
         data = _checked_pages(content)
         scans = [_Scan(data, entry) for entry in _children(_description(data, content), "data3D")]
-        check_growth("its points", 24 * sum(scan.count for scan in scans), len(content))
+        scans = [scan for scan in scans if scan.count]
+        check_growth("its points", 8 * sum(scan.count * len(scan.taken) for scan in scans), len(content))
         if sum(scan.length for scan in scans) > len(data):
             message = "its scans overlap in the file"
             raise InputError(message)
@@ -158,7 +162,15 @@ class _Scan:
             raise InputError(message)
         self._data, self._entry = data, entry
         self._fields = [_field(leaf) for leaf in _children(points, "prototype")]
+        names = [_name(field.entry) for field in self._fields]
+        again = next((name for name, times in Counter(names).items() if times > 1), None)
+        if again is not None:
+            message = f"a scan with several fields {again}"
+            raise InputError(message)
+        self.taken = {row: name for row, name in enumerate(names) if name in _TAKEN}
         self.count = int(points.get("recordCount", ""))
+        if self.count == 0:  # nothing need be where its records would be
+            return
         self._start = _logical(int(points.get("fileOffset", "")))
         if self.count < 0 or self._start < 0:
             message = f"{self.count} points from byte {self._start} on"
@@ -197,16 +209,7 @@ class _Scan:
 
     def _columns(self) -> dict[str, FloatArray]:
         """Return the numbers of the fields that are taken, by name."""
-        taken = {
-            *_CARTESIAN,
-            *_SPHERICAL,
-            *_NORMAL,
-            *_COLOR,
-            "cartesianInvalidState",
-            "sphericalInvalidState",
-        }
-        rows = {row: _name(field.entry) for row, field in enumerate(self._fields)}
-        streams = {row: bytearray() for row, name in rows.items() if name in taken}
+        streams = {row: bytearray() for row in self.taken}
         place, end = self._packets, self._start + self.length
         while place < end:
             kind, last = struct.unpack_from("<BxH", self._data, place)
@@ -218,7 +221,8 @@ class _Scan:
             if kind == _DATA_PACKET:
                 _add(streams, packet, len(self._fields))
         return {
-            rows[row]: self._fields[row].unpack(bytes(stream), self.count) for row, stream in streams.items()
+            name: self._fields[row].unpack(bytes(streams[row]), self.count)
+            for row, name in self.taken.items()
         }
 
     def _colors(self, columns: dict[str, FloatArray]) -> NDArray[np.uint8] | None:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-_KINDS = "biuf"  # numbers and truth values; others are texts, dates or pickled objects
+_KINDS = "biuf"  # numbers and truth values; others are records, texts, dates or pickled objects
 _CHUNK = 16 << 20  # bytes unpacked at a time
 
 
@@ -41,9 +41,9 @@ def npz_bytes(**arrays: ArrayLike) -> bytes:
     return buffer.getvalue()
 
 
-def load_npy(content: bytes) -> NDArray[Any]:
-    """Read a NumPy array of numbers."""
-    return _read_array(io.BytesIO(content), len(content))
+def load_npy(content: bytes, *, records: bool = False) -> NDArray[Any]:
+    """Read a NumPy array of numbers, or also of records."""
+    return _read_array(io.BytesIO(content), len(content), _KINDS + "V" * records)
 
 
 def read_arrays(
@@ -70,14 +70,17 @@ def read_arrays(
 
 
 def load_npz_points(content: bytes) -> NDArray[Any]:
-    """Read the array `points` or `xyz` of an NPZ file, or else the only one."""
+    """Read the array `points` or `xyz` of an NPZ file, or else `x`, `y` and `z`, or the only one."""
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         entries = _entries(archive)
+        axes = {name.casefold(): name for name in entries if name in [*"xyzXYZ"]}
+        if len(axes) == 3 and not entries.keys() & {"points", "xyz"}:
+            return np.stack([_unpack(archive, axes[axis], entries[axes[axis]]) for axis in "xyz"], axis=1)
         names = [name for name in ("points", "xyz") if name in entries] or list(entries)
         if not names or (len(names) > 1 and names[0] != "points"):
-            message = f"has no array named points or xyz; it holds {_listed(entries)}"
+            message = f"has no array named points or xyz, nor x, y and z; it holds {_listed(entries)}"
             raise InputError(message)
-        return _unpack(archive, names[0], entries[names[0]])
+        return _unpack(archive, names[0], entries[names[0]], _KINDS + "V")
 
 
 def _entries(archive: zipfile.ZipFile) -> dict[str, zipfile.ZipInfo]:
@@ -104,8 +107,11 @@ def _read_array(file: IO[bytes], size: int, kinds: str = _KINDS) -> NDArray[Any]
         message = f"an array in version {version} of its format; numbers are written in 1.0 or 2.0"
         raise InputError(message)
     shape, is_fortran, dtype = readers[version](file)
-    if dtype.kind not in kinds or dtype.names is not None:
+    if dtype.kind not in kinds or dtype.hasobject or (dtype.kind == "V" and not dtype.names):
         message = f"an array of {dtype}; numbers belong there"
+        raise InputError(message)
+    if dtype.itemsize == 0:
+        message = f"an array of {dtype}, which takes no room"
         raise InputError(message)
     needed, rest = math.prod(shape) * dtype.itemsize, size - file.tell()
     if needed > rest or min(shape, default=0) < 0:

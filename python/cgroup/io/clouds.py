@@ -14,6 +14,7 @@ import numpy as np
 
 from cgroup import _core
 from cgroup._checks.arrays import as_place, as_reals, as_rows
+from cgroup._checks.foreign import cloud_parts
 from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_choice, as_instance, as_path
 from cgroup.errors import InputError
@@ -48,11 +49,15 @@ _CLOUD_COLOR, _KEYPOINT_COLOR = (190, 190, 190), (213, 94, 0)
 def read_cloud(path: str | os.PathLike[str]) -> PointCloud:
     r"""Read a point cloud or mesh.
 
-    PLY and PCD (ASCII and binary, also compressed), OBJ, STL, OFF, PTS; glTF and GLB; LAS and LAZ of point
-    formats 0 to 10; scans in PTX and E57; text (``.xyz``, ``.txt``, ``.csv``) with x y z in its first three
-    columns, or with a line of names such as ``x,y,z,nx,ny,nz,r,g,b``; KITTI's ``.bin`` (x y z reflectance in
-    float32); NPY with an (N, 3) array, NPZ with one named ``points`` or ``xyz`` or alone. `read_depth` reads
-    depth images.
+    PLY and PCD (ASCII and binary, also compressed), OBJ, STL, OFF, PTS, legacy VTK; glTF and GLB; LAS and LAZ
+    of point formats 0 to 10; scans in PTX and E57; text (``.xyz``, ``.asc``, ``.txt``, ``.csv``) with x y z
+    in its first three columns, or with a line of names such as ``x,y,z,nx,ny,nz,r,g,b``, ``.xyzn`` with
+    normals, ``.xyzrgb`` with colours; KITTI's ``.bin`` (x y z reflectance in float32); NPY with an (N, 3)
+    array or records with fields x, y, z, NPZ with one named ``points`` or ``xyz``, or alone, or with arrays
+    ``x``, ``y`` and ``z``. `read_depth` reads depth images.
+
+    Commas in text are decimal ones where white space or semicolons separate the numbers: 1,5;2,5;3. Text
+    that can be read in two ways is refused.
 
     Points with a NaN or infinite coordinate, which range scanners write where they saw nothing, are left out
     and counted in `PointCloud.dropped`; so are those that E57 calls invalid, and PTX's points 0 0 0. All
@@ -353,24 +358,52 @@ def _parse_in_core(suffix: str, content: bytes) -> CloudContent:
 
 
 def _parse_npy(content: bytes) -> CloudContent:
-    return CloudContent(_points(load_npy(content)))
+    return _content_of(load_npy(content, records=True))
 
 
 def _parse_npz(content: bytes) -> CloudContent:
-    return CloudContent(_points(load_npz_points(content)))
+    return _content_of(load_npz_points(content))
+
+
+def _content_of(array: NDArray[Any]) -> CloudContent:
+    """Return the points of an array, or those of records and their normals."""
+    parts = cloud_parts("array", array.reshape(-1)) if array.dtype.names else None
+    if parts is None:
+        return CloudContent(_points(array))
+    return CloudContent(_points(parts.points), None if parts.normals is None else _points(parts.normals))
 
 
 def _points(array: NDArray[Any]) -> FloatArray:
+    if array.dtype.kind not in "biuf":
+        message = f"points are {array.dtype}; numbers belong there"
+        raise InputError(message)
     if array.ndim != 2 or array.shape[1] != 3:
         message = f"points have shape {array.shape} instead of (N, 3)"
         raise InputError(message)
     return np.asarray(array, dtype=np.float64)
 
 
-_IN_CORE = ("bin", "csv", "las", "obj", "off", "pcd", "ply", "pts", "ptx", "stl", "txt", "xyz")
+_IN_CORE = (
+    "bin",
+    "csv",
+    "las",
+    "obj",
+    "off",
+    "pcd",
+    "ply",
+    "pts",
+    "ptx",
+    "stl",
+    "txt",
+    "vtk",
+    "xyz",
+    "xyzn",
+    "xyzrgb",
+)
 
 PARSERS: dict[str, Callable[[bytes], CloudContent]] = {
     **{f".{name}": partial(_parse_in_core, name) for name in _IN_CORE},
+    ".asc": partial(_parse_in_core, "txt"),
     ".e57": parse_e57,
     ".glb": parse_gltf,
     ".gltf": parse_gltf,

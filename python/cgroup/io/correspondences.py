@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 _NAME = re.compile(rb"(\xef\xbb\xbf)?\s*[\"']?(?!nan\b|inf)[A-Za-z_]", re.IGNORECASE)
 """How a line of a table's names begins, perhaps behind the mark of UTF-8."""
 
-_TABLES = {".csv", ".npy", ".npz", ".pts", ".txt", ".xyz"}
+_TABLES = {".asc", ".csv", ".npy", ".npz", ".pts", ".txt", ".xyz"}
 """Suffixes of clouds whose files may hold matches as well."""
 
 

@@ -1,5 +1,6 @@
 //! Lines of a text, and the words on them. Bytes that aren't ASCII are words like any other.
 
+use super::commas::{Commas, decimal};
 use crate::error::{Error, Result};
 use crate::execution::Execution;
 
@@ -16,6 +17,8 @@ pub(super) type Separators = [bool; 256];
 pub(super) const BLANKS: &Separators = &separators(b"");
 /// White space, commas and semicolons.
 pub(super) const COLUMNS: &Separators = &separators(b",;");
+/// White space and semicolons: what separates numbers with decimal commas.
+pub(super) const DECIMALS: &Separators = &separators(b";");
 /// White space, and the backslash that joins two lines.
 pub(super) const JOINED: &Separators = &separators(b"\\");
 
@@ -37,6 +40,7 @@ pub(super) struct Lines<'a> {
     rest: &'a [u8],
     number: usize,
     separators: &'static Separators,
+    commas: Commas,
     execution: &'a Execution,
 }
 
@@ -44,7 +48,7 @@ impl<'a> Lines<'a> {
     /// Lines of a file; the mark that UTF-8 may begin with is left out.
     pub fn new(content: &'a [u8], separators: &'static Separators, execution: &'a Execution) -> Self {
         let rest = content.strip_prefix(b"\xef\xbb\xbf").unwrap_or(content);
-        Self { rest, number: 0, separators, execution }
+        Self { rest, number: 0, separators, commas: Commas::default(), execution }
     }
 
     /// The next line, whatever is on it.
@@ -59,7 +63,7 @@ impl<'a> Lines<'a> {
         let (text, rest) = self.split();
         self.rest = rest;
         let Self { number, separators, execution, .. } = *self;
-        Ok(Some(Line { text, number, words: 0, separators, execution }))
+        Ok(Some(Line { text, number, words: 0, separators, is_decimal: false, execution }))
     }
 
     /// The next line with a word on it.
@@ -71,6 +75,21 @@ impl<'a> Lines<'a> {
             }
         }
         Ok(None)
+    }
+
+    /// The next row of numbers, between which there may be commas, or whose commas are decimal ones.
+    pub fn next_row(&mut self, comments: &[&[u8]]) -> Result<Option<Line<'a>>> {
+        let Some(mut line) = self.next_with_words(comments)? else { return Ok(None) };
+        if self.commas.are_decimal(&line)? {
+            line.separators = DECIMALS;
+            line.is_decimal = true;
+        }
+        Ok(Some(line))
+    }
+
+    /// The number of a field that other separators than commas end.
+    pub fn number_of(&mut self, line: &Line, field: &[u8]) -> Result<f64> {
+        self.commas.number_of(line, field)
     }
 
     fn split(&self) -> (&'a [u8], &'a [u8]) {
@@ -89,6 +108,13 @@ impl<'a> Lines<'a> {
         (self.rest, &[])
     }
 
+    /// The next so many bytes, whatever they are; None where there are fewer.
+    pub fn take(&mut self, bytes: usize) -> Option<&'a [u8]> {
+        let (taken, rest) = self.rest.split_at_checked(bytes)?;
+        self.rest = rest;
+        Some(taken)
+    }
+
     /// What follows the lines that were taken.
     pub fn rest(&self) -> &'a [u8] {
         self.rest
@@ -103,6 +129,8 @@ pub(super) struct Line<'a> {
     pub number: usize,
     words: usize,
     separators: &'static Separators,
+    /// Whether its commas are decimal ones.
+    is_decimal: bool,
     execution: &'a Execution,
 }
 
@@ -173,7 +201,8 @@ impl<'a> Line<'a> {
 
     /// A word of this line that has to be a number.
     pub fn number_of(&self, word: &[u8]) -> Result<f64> {
-        number(word).ok_or_else(|| self.refuse(shown(word), "a number belongs there"))
+        let found = if self.is_decimal { decimal(word) } else { number(word) };
+        found.ok_or_else(|| self.refuse(shown(word), "a number belongs there"))
     }
 
     /// The error of something on this line.

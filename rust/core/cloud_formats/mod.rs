@@ -15,10 +15,12 @@
 //! | PTS: as text, behind a count | [`pts::parse`] |
 //! | LAS 1.0 to 1.5, also compressed as LAZ | [`las::parse`] |
 //! | PTX: grids of scanners, with their poses | [`ptx::parse`] |
+//! | VTK, the legacy format: ASCII, binary | [`vtk::parse`] |
 //! | KITTI's scans: x y z reflectance in float32 | [`kitti::parse`] |
 
 mod cloud_content;
 mod columns;
+mod commas;
 mod fans;
 pub mod kitti;
 pub mod las;
@@ -35,6 +37,7 @@ mod scalar;
 pub mod stl;
 pub mod table;
 pub mod text;
+pub mod vtk;
 
 use crate::error::Result;
 use crate::execution::Execution;
@@ -45,7 +48,7 @@ pub use cloud_content::CloudContent;
 pub type Parser = fn(&[u8], &Execution) -> Result<CloudContent>;
 
 /// All parsers, by the usual suffix of their files.
-pub const PARSERS: [(&str, Parser); 12] = [
+pub const PARSERS: [(&str, Parser); 15] = [
     ("bin", kitti::parse),
     ("csv", text::parse),
     ("las", las::parse),
@@ -57,5 +60,8 @@ pub const PARSERS: [(&str, Parser); 12] = [
     ("ptx", ptx::parse),
     ("stl", stl::parse),
     ("txt", text::parse),
+    ("vtk", vtk::parse),
     ("xyz", text::parse),
+    ("xyzn", text::parse_with_normals),
+    ("xyzrgb", text::parse_with_colors),
 ];

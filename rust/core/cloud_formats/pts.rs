@@ -2,25 +2,20 @@
 //! intensity, which is left out, and a colour of three bytes.
 
 use super::cloud_content::{COLOR, CloudContent, ColorScale, POSITION, Points, Row};
-use super::lines::{COLUMNS, Line, Lines, check_room, count};
-use super::table::{COMMENTS, check_columns};
-use crate::error::{Error, Result};
+use super::lines::{COLUMNS, Line, Lines};
+use super::table::{COMMENTS, check_columns, check_count, take_count};
+use crate::error::Result;
 use crate::execution::Execution;
 
 /// Points and colours of a file; the count may be missing.
 ///
 /// # Errors
-/// [`Error::InvalidInput`] where it is cut off or something else, [`Error::OutOfMemory`], [`Error::Interrupted`].
+/// [`crate::Error::InvalidInput`] where it is cut off or something else, [`crate::Error::OutOfMemory`],
+/// [`crate::Error::Interrupted`].
 pub fn parse(content: &[u8], execution: &Execution) -> Result<CloudContent> {
     let mut lines = Lines::new(content, COLUMNS, execution);
-    let mut rows = lines.clone();
-    let declared = rows.next_with_words(COMMENTS)?.map_or(Ok(None), only_count)?;
-    if declared.is_some() {
-        lines = rows;
-    }
-    // As though the last number had a separator behind it.
-    check_room("points", declared.unwrap_or(0), 3 * 2, lines.rest().len() + 1)?;
-    let Some(first) = lines.clone().next_with_words(COMMENTS)? else {
+    let declared = take_count(&mut lines)?;
+    let Some(first) = lines.clone().next_row(COMMENTS)? else {
         return Points::with_capacity(0, false, None)?.finish(None);
     };
     // Without colours, with a colour, or with an intensity before it.
@@ -36,20 +31,11 @@ pub fn parse(content: &[u8], execution: &Execution) -> Result<CloudContent> {
         }
     };
     let mut points = Points::with_capacity(declared.unwrap_or(0), false, skipped.map(|_| ColorScale::Bytes))?;
-    while let Some(line) = lines.next_with_words(COMMENTS)? {
+    while let Some(line) = lines.next_row(COMMENTS)? {
         points.push(&read_row(line, columns, skipped)?)?;
     }
-    if declared.is_some_and(|declared| declared != points.len()) {
-        let got = format!("{} of {} points", points.len(), declared.unwrap_or(0));
-        return Err(Error::invalid("rows", got, "the file is cut off, or its first line is wrong"));
-    }
+    check_count(declared, points.len())?;
     points.finish(None)
-}
-
-/// The number of points, if nothing else is on the line.
-fn only_count(mut line: Line) -> Result<Option<usize>> {
-    let declared = line.next_word()?.and_then(count);
-    Ok(declared.filter(|_| line.is_blank()))
 }
 
 fn read_row(mut line: Line, columns: usize, skipped: Option<usize>) -> Result<Row> {

@@ -23,7 +23,7 @@ pub fn parse(content: &[u8], execution: &Execution) -> Result<CloudContent> {
     let mut lines = Lines::new(content, COLUMNS, execution);
     let mut cloud = CloudContent { colors: Some(Vec::new()), ..CloudContent::default() };
     let mut places = Vec::new();
-    while let Some(line) = lines.next_with_words(COMMENTS)? {
+    while let Some(line) = lines.next_row(COMMENTS)? {
         memory::push(&mut places, read_scan(line, &mut lines, &mut cloud)?)?;
     }
     let is_first = |place: &[f64; 3]| {
@@ -84,7 +84,7 @@ fn read_scan(first: Line, lines: &mut Lines, cloud: &mut CloudContent) -> Result
 }
 
 fn next<'a>(lines: &mut Lines<'a>) -> Result<Line<'a>> {
-    let line = lines.next_with_words(COMMENTS)?;
+    let line = lines.next_row(COMMENTS)?;
     line.ok_or_else(|| {
         Error::invalid("rows", "the end of the file", "the file is cut off, or says the wrong number")
     })

@@ -1,6 +1,7 @@
-//! Rows of numbers in a text, separated by white space, commas or semicolons; # and // start comments.
+//! Rows of numbers in a text, separated by white space, commas or semicolons; # and // start comments. Commas between
+//! digits are decimal ones where white space or semicolons separate the numbers.
 
-use super::lines::{COLUMNS, Line, Lines};
+use super::lines::{COLUMNS, Line, Lines, check_room, count};
 use crate::error::{Error, Result};
 use crate::execution::Execution;
 use crate::memory;
@@ -25,7 +26,7 @@ pub fn parse(content: &[u8], execution: &Execution) -> Result<Table> {
     let mut lines = Lines::new(content, COLUMNS, execution);
     let mut numbers = Vec::new();
     let mut columns = None;
-    while let Some(mut line) = lines.next_with_words(COMMENTS)? {
+    while let Some(mut line) = lines.next_row(COMMENTS)? {
         let start = numbers.len();
         while let Some(word) = line.next_word()? {
             memory::push(&mut numbers, line.number_of(word)?)?;
@@ -35,6 +36,30 @@ pub fn parse(content: &[u8], execution: &Execution) -> Result<Table> {
     match columns {
         Some(columns) => Ok(Table { columns, numbers }),
         None => Err(Error::invalid("text", "no numbers", "rows of numbers belong there")),
+    }
+}
+
+/// Takes a first line that is nothing but the number of the points that follow.
+pub(super) fn take_count(lines: &mut Lines) -> Result<Option<usize>> {
+    let mut rows = lines.clone();
+    let Some(mut line) = rows.next_with_words(COMMENTS)? else { return Ok(None) };
+    let declared = line.next_word()?.and_then(count).filter(|_| line.is_blank());
+    if declared.is_some() {
+        *lines = rows;
+    }
+    // As though the last number had a separator behind it.
+    check_room("points", declared.unwrap_or(0), 3 * 2, lines.rest().len() + 1)?;
+    Ok(declared)
+}
+
+/// Refuses a number of points that is not the one that was declared.
+pub(super) fn check_count(declared: Option<usize>, found: usize) -> Result<()> {
+    match declared.filter(|declared| *declared != found) {
+        None => Ok(()),
+        Some(declared) => {
+            let got = format!("{found} of {declared} points");
+            Err(Error::invalid("rows", got, "the file is cut off, or its first line is wrong"))
+        }
     }
 }
 
@@ -53,7 +78,7 @@ mod tests {
 
     #[test]
     fn separators_may_be_mixed() {
-        let table = parse(b"// \xe9\n1,2;\t3 # \xff\n\n 4 5 6//7\n", &Execution::default());
+        let table = parse(b"// \xe9\n1, 2;\t3 # \xff\n\n 4 5 6//7\n", &Execution::default());
         assert_eq!(table, Ok(Table { columns: 3, numbers: vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0] }));
     }
 

@@ -1,12 +1,13 @@
 //! Clouds as columns of numbers: XYZ, TXT, CSV.
 //!
-//! Columns are separated by white space, commas or semicolons; # and // start comments. Where the first line has
+//! Columns are separated by white space, commas or semicolons; # and // start comments. Commas between digits are decimal
+//! ones where white space or semicolons separate the columns. The number of points may come first. Where a line has
 //! names, it says which columns are x y z, nx ny nz and r g b, and the others may hold anything. Without names the
 //! first three columns are x y z, and the others are numbers that are left out.
 
 use super::cloud_content::{COLOR, CloudContent, ColorScale, NORMAL, POSITION, Points, Row};
 use super::lines::{COLUMNS, Line, Lines, number, shown};
-use super::table::{COMMENTS, check_columns};
+use super::table::{COMMENTS, check_columns, check_count, take_count};
 use crate::error::Result;
 use crate::execution::Execution;
 use crate::memory;
@@ -22,12 +23,35 @@ const COLOR_NAMES: &[[&str; 3]] = &[["r", "g", "b"], ["red", "green", "blue"]];
 /// [`crate::Error::InvalidInput`] where it is something else, [`crate::Error::OutOfMemory`],
 /// [`crate::Error::Interrupted`].
 pub fn parse(content: &[u8], execution: &Execution) -> Result<CloudContent> {
+    read(content, &POSITION, execution)
+}
+
+/// As [`parse`]; columns without names are x y z and a normal.
+///
+/// # Errors
+/// As [`parse`].
+pub fn parse_with_normals(content: &[u8], execution: &Execution) -> Result<CloudContent> {
+    read(content, &[POSITION, NORMAL].concat(), execution)
+}
+
+/// As [`parse`]; columns without names are x y z and a colour.
+///
+/// # Errors
+/// As [`parse`].
+pub fn parse_with_colors(content: &[u8], execution: &Execution) -> Result<CloudContent> {
+    read(content, &[POSITION, COLOR].concat(), execution)
+}
+
+/// Reads a text whose columns go to these places unless they are named. A count may come first.
+fn read(content: &[u8], columns: &[usize], execution: &Execution) -> Result<CloudContent> {
     let mut lines = Lines::new(content, COLUMNS, execution);
+    let declared = take_count(&mut lines)?;
     let mut behind_names = lines.clone();
     let points = match behind_names.next_with_words(COMMENTS)? {
         Some(line) if !starts_with_number(line.clone())? => read_named(&line, &mut behind_names)?,
-        _ => read_plain(&mut lines)?,
+        _ => read_plain(&mut lines, columns)?,
     };
+    check_count(declared, points.len())?;
     points.finish(None)
 }
 
@@ -35,20 +59,24 @@ fn starts_with_number(mut line: Line) -> Result<bool> {
     Ok(line.next_word()?.is_some_and(|word| number(word).is_some()))
 }
 
-fn read_plain(lines: &mut Lines) -> Result<Points> {
-    let mut points = Points::with_capacity(0, false, None)?;
+fn read_plain(lines: &mut Lines, places: &[usize]) -> Result<Points> {
+    let colors = places.contains(&COLOR[0]).then_some(ColorScale::Reals);
+    let mut points = Points::with_capacity(0, places.contains(&NORMAL[0]), colors)?;
     let mut columns = None;
-    while let Some(mut line) = lines.next_with_words(COMMENTS)? {
-        let mut row: Row = [0.0; 9];
-        for place in POSITION {
-            row[place] = line.next_number()?;
-        }
-        let mut found = POSITION.len();
+    while let Some(mut line) = lines.next_row(COMMENTS)? {
+        let (mut row, mut found): (Row, _) = ([0.0; 9], 0);
         while let Some(word) = line.next_word()? {
-            line.number_of(word)?;
+            let number = line.number_of(word)?;
+            if let Some(place) = places.get(found) {
+                row[*place] = number;
+            }
             found += 1;
         }
         check_columns(&line, found, &mut columns)?;
+        if found < places.len() {
+            let remedy = format!("a point of such a file has {}: x y z first", places.len());
+            return Err(line.refuse(format!("{found} columns"), remedy));
+        }
         points.push(&row)?;
     }
     Ok(points)
@@ -77,11 +105,10 @@ fn read_named(names: &Line, lines: &mut Lines) -> Result<Points> {
     }
     let mut points = Points::with_capacity(0, normal.is_some(), color.map(|_| ColorScale::Reals))?;
     while let Some(line) = lines.next_with_words(COMMENTS)? {
-        let mut row: Row = [0.0; 9];
-        let mut found = 0;
+        let (mut row, mut found): (Row, _) = ([0.0; 9], 0);
         for field in fields.split(line.text()) {
             if let Some(Some(to)) = columns.get(found) {
-                row[*to] = line.number_of(field)?;
+                row[*to] = lines.number_of(&line, field)?;
             }
             found += 1;
         }
@@ -137,6 +164,32 @@ mod tests {
     }
 
     #[test]
+    fn decimal_commas() -> Result<()> {
+        for text in [
+            "38,25;-53,5;37\n1;2;3,125\n",
+            "38,25\t-53,5\t37\n1\t2\t3,125",
+            "2\n38,25 -53,5 37,0\n1,0 2,0 3,125\n",
+            "x;y;z;note\n38,25;-53,5;37;a, b.\n1;2;3,125;c\n",
+            "x y z\n38,25 -53,5 37\n1 2 3,125\n",
+        ] {
+            assert_eq!(read(text.as_bytes())?.points, [[38.25, -53.5, 37.0], [1.0, 2.0, 3.125]], "{text}");
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn columns_of_normals_and_colors() -> Result<()> {
+        let execution = Execution::default();
+        let cloud = parse_with_normals(b"1 2 3 0 0 1 9\n", &execution)?;
+        assert_eq!((cloud.points, cloud.normals), (vec![[1.0, 2.0, 3.0]], Some(vec![[0.0, 0.0, 1.0]])));
+        let cloud = parse_with_colors(b"1 2 3 1 0.5 0\n", &execution)?;
+        assert_eq!((cloud.normals, cloud.colors), (None, Some(vec![[255, 128, 0]])));
+        assert_eq!(parse_with_colors(b"x,y,z\n1,2,3\n", &execution)?.points, [[1.0, 2.0, 3.0]]);
+        assert!(parse_with_colors(b"1 2 3\n", &execution).is_err());
+        Ok(())
+    }
+
+    #[test]
     fn columns_with_names() -> Result<()> {
         let text =
             "\u{feff}\"label\",Z,Y,X,R,G,B,nx,ny,nz,note\ntree,3,2,1,255,0,7,0,0,1,\n,6,5,4,1,2,3,1,0,0,x\n";
@@ -153,12 +206,19 @@ mod tests {
     fn what_is_wrong_is_said() {
         for (content, says) in [
             ("hello, world\n", "line 1: got \"hello, world\""),
-            ("1 2\n", "line 1: got the end of the line"),
+            ("1 2\n", "line 1: got 2 columns; a point of such a file has 3"),
+            ("2\n1 2 3\n", "in 7 bytes"),
+            ("2\n1 2 3.000000\n", "1 of 2 points"),
+            ("1,5 2.5 3\n", "line 1: got \"1,5 2.5 3\"; its commas may be"),
+            ("1,2,3\n\n1,5 2,5 3,5\n", "line 3: got \"1,5 2,5 3,5\"; decimal commas, where line 1 has"),
+            ("1,5;2;3\n1.5;2;3\n", "line 2: got \"1.5;2;3\"; other numbers, where line 1 has"),
+            ("x;y;z\n1.5;2;3\n1,5;2;3\n", "line 3: got \"1,5;2;3\"; decimal commas, where line 2"),
             ("1 2 3\n4 5 6 7\n", "line 2: got 4 columns; the first row has 3"),
             ("1 2 3 a\n", "line 1: got \"a\""),
             ("x,y,z\n1,2\n", "line 2: got 2 columns"),
             ("x,y,z\n1,,2\n", "line 2: got \"\""),
-            ("x;y;z\n1,5;2;3\n", "line 2: got \"1,5\""),
+            ("x;y;z\n1,2,3;2;3\n", "line 2: got \"1,2,3\""),
+            ("x;y;z\n1.234,5;2;3\n", "line 2: got \"1.234,5\""),
         ] {
             let found = read(content.as_bytes());
             assert!(found.is_err_and(|error| error.to_string().contains(says)), "{content}");

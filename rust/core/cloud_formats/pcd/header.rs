@@ -34,6 +34,13 @@ pub(super) struct Field<'a> {
     pub count: usize,
 }
 
+impl Field<'_> {
+    /// Whether it has this name, in any case.
+    pub fn is_called(&self, name: &str) -> bool {
+        self.name.eq_ignore_ascii_case(name.as_bytes())
+    }
+}
+
 /// The lines of a header, before they are put together.
 #[derive(Default)]
 struct Entries<'a> {

@@ -61,7 +61,7 @@ impl Wanted {
     fn of(header: &Header) -> Result<Self> {
         let names = |names: [&'static str; 3], to: [usize; 3]| names.into_iter().zip(to.map(Some));
         let is_there =
-            |name: &str| header.fields.iter().any(|field| field.name == name.as_bytes() && field.count == 1);
+            |name: &str| header.fields.iter().any(|field| field.count == 1 && field.is_called(name));
         let mut wanted: Vec<_> = names(["x", "y", "z"], POSITION).collect();
         if !wanted.iter().all(|(name, _)| is_there(name)) {
             return Err(Error::invalid("FIELDS", "not all of x, y, z", "a point has three coordinates"));
@@ -76,7 +76,7 @@ impl Wanted {
         let mut fields = Vec::new();
         let (mut words, mut offset) = (0, 0);
         for field in &header.fields {
-            let place = wanted.iter().position(|(name, _)| field.count == 1 && field.name == name.as_bytes());
+            let place = wanted.iter().position(|(name, _)| field.count == 1 && field.is_called(name));
             if let Some((_, to)) = place.map(|place| wanted.swap_remove(place)) {
                 fields.push(Field { to, scalar: field.scalar, words, offset });
             }
