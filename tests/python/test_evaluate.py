@@ -12,6 +12,7 @@ import pytest
 from command_lines import fail, succeed
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from markdown_it import MarkdownIt
 from scipy import stats
 from shared_data import data_folder
 
@@ -402,6 +403,26 @@ def test_tables_for_papers(folder, capsys):
     assert latex[0] == r"\begin{tabular}{lrrrrrr}"
     assert latex[2].startswith("result & RMSE & ")
     assert latex[5].endswith(r" \\")
+
+
+def test_names_of_files_are_text_in_every_table(folder, capsys):
+    name = "[l](javascript:x)<script>^~\n\x1b[2J*|`&_%.csv"
+    (folder / name).write_bytes((folder / "ours.csv").read_bytes())
+    rows = succeed(capsys, *asked(folder, name), "--markdown").splitlines()
+    assert len(rows) == 3
+    shown = r"\[l\](javascript:x)\<script\>^\~\\n\\x1b\[2J\*\|\`\&\_%"
+    assert rows[2].startswith(f"| {shown} | ")
+    html = MarkdownIt().enable("table").render("\n".join(rows))
+    assert "<script" not in html
+    assert "href" not in html
+    assert html.count("<td") == 7
+    latex = succeed(capsys, *asked(folder, name), "--latex").splitlines()
+    assert latex[4].startswith(
+        r"{[}l](javascript:x)\textless{}script\textgreater{}\textasciicircum{}\textasciitilde{}"
+        r"\textbackslash{}n\textbackslash{}x1b{[}2J{*}\textbar{}`\&\_\% & "
+    )
+    for text in (*rows, *latex, succeed(capsys, *asked(folder, name), "--curve", "--wide")):
+        assert "\x1b" not in text
 
 
 def test_the_page_has_tables_curves_and_the_worst_poses(folder, capsys):

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from cgroup._checks.quoting import escape
 from cgroup._show.words import counted
 from cgroup.cli import options
 from cgroup.cli.command import command, make_app
@@ -34,7 +35,13 @@ _FACTORS = tuple(k / 10 for k in range(1, 21))
 _COUNTS = ("right", "wrong", "refused", "missing")
 _WORST = 20  # poses of a result that are listed
 _WORDS = ("result", "one", "other", "scene", "overlap", "limits x")  # others are columns of numbers
-_LATEX = str.maketrans({letter: f"\\{letter}" for letter in "&%$#_{}"} | {"\\": r"\textbackslash{}"})
+_LATEX = str.maketrans(
+    {letter: f"\\{letter}" for letter in "&%$#_{}"}
+    | {letter: f"{{{letter}}}" for letter in "[*"}  # which the end of a row before would take
+    | {"\\": r"\textbackslash{}", "^": r"\textasciicircum{}", "~": r"\textasciitilde{}"}
+    | {"<": r"\textless{}", ">": r"\textgreater{}", "|": r"\textbar{}"}
+)
+_MARKDOWN = str.maketrans({letter: f"\\{letter}" for letter in r"\`*_[]<>|~&$"})
 
 app = make_app()
 
@@ -112,12 +119,12 @@ def _show_recalls(method: Document, done: Document, *, intervals: bool = False) 
 
 
 def _as_markdown(rows: list[list[str]]) -> str:
-    lines = [f"| {' | '.join(cell.replace('|', '/') for cell in row)} |" for row in rows]
+    lines = [f"| {' | '.join(escape(cell).translate(_MARKDOWN) for cell in row)} |" for row in rows]
     return "\n".join([lines[0], f"| --- |{' ---: |' * (len(rows[0]) - 1)}", *lines[1:]])
 
 
 def _as_latex(rows: list[list[str]]) -> str:
-    head, *body = (" & ".join(cell.translate(_LATEX) for cell in row) + r" \\" for row in rows)
+    head, *body = (" & ".join(escape(cell).translate(_LATEX) for cell in row) + r" \\" for row in rows)
     begin = rf"\begin{{tabular}}{{l{'r' * (len(rows[0]) - 1)}}}"
     return "\n".join([begin, r"\toprule", head, r"\midrule", *body, r"\bottomrule", r"\end{tabular}"])
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -40,6 +40,7 @@ def print_table(
     """Print a table, and say what was left out of it; the best cells, (row, column), stand out."""
     from rich.cells import cell_len  # noqa: PLC0415 - slow to load
 
+    columns = [replace(column, header=escape(column.header)) for column in columns]
     cells = [[escape(cell) for cell in row] for row in rows]
     widths = [
         max(cell_len(column.header), *(cell_len(row[at]) for row in cells), 0)
