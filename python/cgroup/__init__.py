@@ -55,12 +55,20 @@ if _TYPE_CHECKING:
     from cgroup._show.drawing import Drawing as _Drawing
     from cgroup.io import read_cloud as read_cloud
     from cgroup.io import write_cloud as write_cloud
+    from cgroup.registration import Registration as Registration
+    from cgroup.registration import assess as assess
+    from cgroup.registration import prepare as prepare
+    from cgroup.registration import recognize as recognize
     from cgroup.registration import refine as refine
     from cgroup.registration import register as register
+    from cgroup.registration import register_many as register_many
     from cgroup.scenes import Scene as _Scene
+    from cgroup.scenes import locate as locate
     from cgroup.scenes import register_all as register_all
     from cgroup.types import AnyCloud as _AnyCloud
     from cgroup.types import PointCloud as _PointCloud
+
+    merge = register_all
 
 __all__ = [
     "METHODS",
@@ -94,26 +102,35 @@ _ROOMS = (
     "verification",
 )
 _FROM_ROOMS = {
-    "read_cloud": "io",
-    "refine": "registration",
-    "register": "registration",
-    "register_all": "scenes",
-    "write_cloud": "io",
+    "io": ("read_cloud", "write_cloud"),
+    "registration": (
+        "Registration",
+        "assess",
+        "prepare",
+        "recognize",
+        "refine",
+        "register",
+        "register_many",
+    ),
+    "scenes": ("locate", "register_all"),
 }
+_ROOM_OF = {name: room for room, names in _FROM_ROOMS.items() for name in names}
+_ALIASES = {"merge": "register_all"}
 
 
 def __getattr__(name: str) -> _Any:  # noqa: ANN401 - a module or a function
     """Load what `import cgroup` leaves out, so that it stays fast."""
     if name in _ROOMS:
         return _importlib.import_module(f"cgroup.{name}")
-    if name in _FROM_ROOMS:
-        return getattr(_importlib.import_module(f"cgroup.{_FROM_ROOMS[name]}"), name)
+    own = _ALIASES.get(name, name)
+    if own in _ROOM_OF:
+        return getattr(_importlib.import_module(f"cgroup.{_ROOM_OF[own]}"), own)
     message = f"module 'cgroup' has no attribute {name!r}"
     raise AttributeError(message, name=name, obj=_sys.modules[__name__])
 
 
 def __dir__() -> list[str]:
-    return sorted({*__all__, *_ROOMS, *_FROM_ROOMS, "methods"})
+    return sorted({*__all__, *_ROOMS, *_ROOM_OF, *_ALIASES, "methods"})
 
 
 def _explain(grouping: Grouping, index: int) -> Explanation:
