@@ -159,6 +159,43 @@ def test_names_that_are_the_same_get_their_folder(calls: list[dict[str, Any]], c
     assert calls[0]["names"] == ["front.ply", "side.ply", "again/side.ply"]
 
 
+def test_a_folder_and_a_pattern_are_their_clouds_by_name(
+    calls: list[dict[str, Any]], capsys: Capture
+) -> None:
+    for name in ("poses.txt", "notes.md", "pairs.npz", ".hidden.ply"):
+        Path(name).write_text("1 2 3\n")
+    Path("sub.ply").mkdir()
+    for given, taken in (
+        (["."], sorted(NAMES)),
+        (["*.ply"], sorted(NAMES)),
+        (["[fs]*.ply", "again.ply"], ["front.ply", "side.ply", "stranger.ply", "again.ply"]),
+    ):
+        _, out, _ = run(capsys, "merge", *given, "--out", "scene")
+        assert [Path(scan).name for scan in calls.pop()["scans"]] == taken
+        assert [line.split()[0] for line in out.splitlines()[1:][: len(taken)]] == taken
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ("nothing/*.ply", "CLOUD: nothing/*.ply: got a pattern that no file matches; check the folder and"),
+        ("texts", "CLOUD: texts: got a folder without clouds; files whose names end in .asc .bin "),
+        ("one", "scans: got 1; give two or more, a folder or a pattern"),
+        ("front.ply", "scans: got 1; give two or more"),
+    ],
+)
+def test_what_stands_for_no_scans_is_named(given: str, says: str, capsys: Capture, tmp_path: Path) -> None:
+    for folder in ("texts", "one"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "poses.txt").write_text("1 2 3\n")
+    write_cloud(tmp_path / "one" / "a.ply", PAIR.source)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(tmp_path)
+        error = fail(capsys, "merge", given, "--out", "scene")
+        assert says in " ".join(error.split())
+        assert not Path("scene").exists()
+
+
 def test_no_output_replaces_a_scan(calls: list[dict[str, Any]], capsys: Capture) -> None:
     write_cloud("merged.ply", read_cloud("front.ply"))
     before = Path("merged.ply").read_bytes()

@@ -18,6 +18,7 @@ from cgroup._runtime.progress import StageClock, as_stage_function, ignore_progr
 from cgroup._runtime.workers import count_workers, work_side_by_side
 from cgroup._show.words import counted
 from cgroup.errors import InputError
+from cgroup.io._folders import find_clouds
 from cgroup.registration.prepare import agree, as_given
 from cgroup.registration.register import as_pairs, as_viewpoints
 from cgroup.registration.scan import MAX_SIZE_RATIO, as_viewpoint
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
 @report_refused_memory()
 @explain_wrong_calls
 def register_all(
-    scans: Sequence[PreparedScan | Cloud | AnyCloud],
+    scans: Sequence[PreparedScan | Cloud | AnyCloud] | str | os.PathLike[str],
     *,
     names: Sequence[str] | None = None,
     viewpoints: Sequence[ArrayLike | None] | None = None,
@@ -67,8 +68,9 @@ def register_all(
 
     Parameters
     ----------
-    scans : sequence of PreparedScan, PointCloud, Cloud, path or (N,3) array_like of float
+    scans : sequence of PreparedScan, PointCloud, Cloud, path or (N,3) array_like of float, or path
         Two or more, in the same unit. One that can't be worked with is left out, and `Scene.notes` says so.
+        A single path is that of a folder, or a pattern such as ``"scans/*.ply"``; files are sorted by name.
     names : sequence of str, optional
         What notes call them; by default the names of files, or ``"scan 3"``.
     viewpoints : sequence of (3,) array_like of float or None, optional
@@ -123,9 +125,11 @@ def register_all(
     """
     as_choice("effort", effort, EFFORTS)
     begin = as_stage_function(progress)
+    if isinstance(scans, str | os.PathLike):
+        scans = find_clouds("scans", [scans])
     given = as_items("scans", scans, "give two clouds or more")
     if len(given) < 2:
-        raise InputError("scans", f"{len(given)}", "give two or more")
+        raise InputError("scans", f"{len(given)}", "give two or more, a folder or a pattern")
     places = as_viewpoints(viewpoints, as_viewpoint(viewpoint, view_direction), len(given))
     direction = None if axis is None else as_direction("axis", axis, "(0, 0, 1)")
     wanted = None if pairs is None else as_pairs(pairs, len(given))

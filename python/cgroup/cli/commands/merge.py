@@ -20,6 +20,7 @@ from cgroup.cli.show.terminal import print_facts, print_line, show_stages, write
 from cgroup.cli.wording import is_given
 from cgroup.errors import CgroupError
 from cgroup.io._files import check_outputs
+from cgroup.io._folders import find_clouds
 from cgroup.io._results import Results, make_folder
 from cgroup.registration import Effort
 from cgroup.registration.covariance import deviations_at
@@ -133,7 +134,8 @@ def _first_name(file: Path) -> str:
 def merge_command(
     context: typer.Context,
     scans: list[Path] = options.argument(
-        "CLOUD", f"Scans in one unit, each in its own frame, in any order: {options.FORMATS}."
+        "CLOUD",
+        f"Scans in one unit, each in its own frame, in any order; or a folder of them: {options.FORMATS}.",
     ),
     *,
     voxel: float | None = option(
@@ -180,6 +182,7 @@ def merge_command(
     more: poses.tum, graph.g2o, merged.ply, scene.png; of a second one poses_2.tum and so on. What is finished
     stays in pairs.sqlite, and a run that was killed goes on from there.
     """
+    scans = find_clouds("CLOUD", scans)
     check_outputs(_all_files(out, len(scans)), scans)
     results = Results(out, "merge")
     results.check(_files_of(out, 1, html=html))
