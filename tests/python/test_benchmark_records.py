@@ -37,7 +37,9 @@ def clouds(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_records_say_what_the_methods_did(clouds: Path) -> None:
-    frame = tables.load(clouds)
+    frame = tables.load(str(clouds))
+    with pytest.raises(InputError, match="path: got None; give a path"):
+        tables.load(None)  # type: ignore[arg-type]
     assert len(frame) == 2 * 2 * 2 * 2  # pairs, levels, methods, thresholds
     assert set(frame["experiments"]) == {("noise",)}
     for row in frame.itertuples():

@@ -15,7 +15,7 @@ from functools import partial
 from operator import attrgetter
 from typing import TYPE_CHECKING
 
-from cgroup._checks.values import as_count
+from cgroup._checks.values import as_count, as_path
 from cgroup._runtime.progress import ignore_progress
 from cgroup.benchmark import solving
 from cgroup.benchmark.engine import OutOfTimeError, ProcessDiedError, Worker, WorkerError, open_workers
@@ -95,9 +95,9 @@ class Summary:
 
 def run(
     config: Config,
-    out: Path,
+    out: Path | str,
     *,
-    root: Path | None = None,
+    root: Path | str | None = None,
     backend: str = "processes",
     workers: int | None = None,
     scheduler: str | None = None,
@@ -156,6 +156,7 @@ def run(
     """
     if workers is not None:
         as_count("workers", workers, 1)
+    out, root = as_path("out", out), None if root is None else as_path("root", root)
     forget_pairs()
     plan = make_plan(config, root)
     make_folder(out)

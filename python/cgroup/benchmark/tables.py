@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
+from cgroup._checks.values import as_path
 from cgroup._runtime.sqlite import is_empty
 from cgroup.benchmark.problem import COMBINATIONS
 from cgroup.benchmark.results import floats_from_bytes, unpack, unpack_mask
@@ -114,7 +115,7 @@ _NUMBERS: dict[str, dict[str, Any]] = {
 """Columns that stand in a result's JSON, with the value of a result without them."""
 
 
-def load(path: Path, kind: Task = "experiment") -> pd.DataFrame:
+def load(path: Path | str, kind: Task = "experiment") -> pd.DataFrame:
     """Read the results that the latest configuration asks for.
 
     Parameters
@@ -197,7 +198,7 @@ def load(path: Path, kind: Task = "experiment") -> pd.DataFrame:
     if kind not in makers:
         message = f"kind: got {kind!r}; choose one of {', '.join(makers)}"
         raise InputError(message)
-    return makers[kind](path)
+    return makers[kind](as_path("path", path))
 
 
 def load_skips(path: Path) -> pd.DataFrame:
@@ -246,7 +247,7 @@ def load_failures(path: Path) -> list[tuple[str, str, int]]:
         return sorted(connection.execute(statement).fetchall(), key=lambda row: -row[2])
 
 
-def load_groups(path: Path, case: str) -> tuple[Correspondences, FloatArray, dict[str, BoolArray]]:
+def load_groups(path: Path | str, case: str) -> tuple[Correspondences, FloatArray, dict[str, BoolArray]]:
     """Read what each method selected in one problem of an experiment.
 
     Parameters
@@ -544,7 +545,7 @@ class PairPose(NamedTuple):
     true: FloatArray | None
 
 
-def load_poses(path: Path) -> list[PairPose]:
+def load_poses(path: Path | str) -> list[PairPose]:
     """Read the poses that trials and registrations have found of pairs.
 
     Parameters
@@ -615,8 +616,9 @@ def _read_plan(path: Path, column: str) -> Any:  # noqa: ANN401 - whatever the c
 
 
 @contextmanager
-def _open_records(path: Path) -> Generator[sqlite3.Connection, None, None]:
+def _open_records(path: Path | str) -> Generator[sqlite3.Connection, None, None]:
     """Open the results for reading; a run may write to them meanwhile."""
+    path = as_path("path", path)
     file = path / RECORDS if path.is_dir() else path
     if not file.exists() or not file.stat().st_size:
         raise _absent(path)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 import cgroup
+from cgroup._checks.values import as_path
 from cgroup._runtime.progress import ignore_progress
 from cgroup.benchmark import tables
 from cgroup.benchmark.paper import EXPERIMENTS
@@ -103,7 +104,7 @@ class ReportData:
 
 
 def write_report(
-    out: Path, *, root: Path | None = None, progress: Callable[[str], Any] | None = None
+    out: Path | str, *, root: Path | str | None = None, progress: Callable[[str], Any] | None = None
 ) -> Path:
     """Write figures, claims and one self-contained page about a run.
 
@@ -142,6 +143,7 @@ def write_report(
     >>> write_report(Path("results")).name
     'report.html'
     """
+    out, root = as_path("out", out), None if root is None else as_path("root", root)
     tell = progress or ignore_progress
     tell("reading records")
     data, results = ReportData.load(out), Results(out, "report")
