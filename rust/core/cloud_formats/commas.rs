@@ -105,7 +105,7 @@ enum Part {
 
 impl Part {
     fn of(part: &[u8]) -> Self {
-        let many = |mark: u8| part.iter().filter(|byte| **byte == mark).count();
+        let many = |mark: u8| part.split(|byte| *byte == mark).count() - 1;
         match (many(b','), many(b'.')) {
             (0, 0) => Self::Plain,
             (0, _) => Self::Point,
