@@ -2,7 +2,7 @@
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Matrix3, Point3, Vector3};
 
 use crate::error::{Error, Result};
 use crate::memory;
@@ -75,6 +75,15 @@ impl Points {
     pub fn copied(&self) -> Result<Self> {
         let [x, y, z] = [&self.x, &self.y, &self.z].map(|axis| memory::copied(axis));
         Ok(Self { x: x?, y: y?, z: z?, ..*self })
+    }
+
+    /// The points turned about their mean, which becomes the origin.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub fn turned(&self, turn: &Matrix3<f64>) -> Result<Self> {
+        let axis = |k: usize| memory::collect((0..self.len()).map(|i| (turn.row(k) * self.get(i).coords).x));
+        Ok(Self::centered(axis(0)?, axis(1)?, axis(2)?).0)
     }
 
     /// The points mirrored at the plane x = 0 through their centre.

@@ -3,10 +3,12 @@
 use std::sync::Arc;
 
 use cgroup::Cloud as CoreCloud;
+use cgroup::geometry::own_axes::own_axes;
 use numpy::ndarray::Ix2;
+use numpy::{PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 
-use crate::convert::Reals;
+use crate::convert::{Reals, array};
 
 /// A point cloud made ready once; use it through `cgroup.features.Cloud`.
 #[pyclass(frozen, module = "cgroup._core")]
@@ -23,6 +25,11 @@ impl Cloud {
 
     fn __len__(&self) -> usize {
         self.core.points().len()
+    }
+
+    /// Rotation into the axes that the cloud has by itself, (3,3).
+    fn own_axes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        array(py, own_axes(self.core.points()).transpose().iter().copied())?.reshape([3, 3])
     }
 
     #[getter]

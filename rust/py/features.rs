@@ -14,6 +14,7 @@ use cgroup::features::shot::Shot;
 use cgroup::features::shot_lrf::shot_frames;
 use cgroup::features::toldi_lrf::toldi_frames;
 use cgroup::features::voxels;
+use cgroup::geometry::own_axes::OwnFrame;
 use cgroup::memory;
 use nalgebra::{Point3, Vector3};
 use numpy::ndarray::{Ix2, Ix3};
@@ -43,7 +44,7 @@ pub fn resolution(
 type PyVoxels<'py> =
     (Bound<'py, PyArray2<f64>>, Option<Bound<'py, PyArray2<f64>>>, Bound<'py, PyArray1<i64>>);
 
-/// Means of the points in every cell of a grid.
+/// Means of the points in every cell of a grid, along the cloud's own axes if asked for.
 #[pyfunction]
 pub fn voxel_downsample<'py>(
     py: Python<'py>,
@@ -51,27 +52,35 @@ pub fn voxel_downsample<'py>(
     normals: Option<Reals<'py, Ix2>>,
     run_options: RunOptions,
     voxel: f64,
+    own_axes: bool,
 ) -> PyResult<PyVoxels<'py>> {
     let cloud = cloud.core();
     let normals = normals.as_ref().map(directions).transpose()?;
     let has_normals = normals.is_some();
     let found = run(py, &run_options, move |execution| {
-        voxels::voxel_downsample(cloud.points(), normals.as_deref(), voxel, execution)
+        let thin = if own_axes { voxels::thin } else { voxels::voxel_downsample };
+        thin(cloud.points(), normals.as_deref(), voxel, execution)
     })?;
     let means = has_normals.then(|| vectors(py, found.normals)).transpose()?;
     Ok((table(py, found.points)?, means, array(py, found.indices.into_iter().map(i64::from))?))
 }
 
-/// The size at which clouds have so many voxels.
+/// The size at which clouds have so many voxels, along their own axes if asked for.
 #[pyfunction]
 pub fn choose_voxel(
     py: Python<'_>,
     clouds: Vec<Bound<'_, Cloud>>,
     run_options: RunOptions,
     most: usize,
+    own_axes: bool,
 ) -> PyResult<f64> {
     let clouds: Vec<_> = clouds.iter().map(|cloud| cloud.get().core()).collect();
     run(py, &run_options, move |execution| {
+        if own_axes {
+            let turned = clouds.iter().map(|cloud| OwnFrame::of(cloud.points()).map(|(_, points)| points));
+            let turned = turned.collect::<Result<Vec<_>, _>>()?;
+            return voxels::choose_voxel(&turned.iter().collect::<Vec<_>>(), most, execution);
+        }
         let points: Vec<_> = clouds.iter().map(|cloud| cloud.points()).collect();
         voxels::choose_voxel(&points, most, execution)
     })

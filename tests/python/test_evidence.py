@@ -16,7 +16,7 @@ from cgroup.registration.evidence import gather
 from cgroup.registration.planes import MOST_PLANES, Planes, count_agreeing, find_planes, number_cells
 from cgroup.registration.rivals import propose_rivals
 from cgroup.rigid import apply, invert
-from strategies import rigid
+from strategies import random_motion, rigid
 
 PAIR = standin_pair(pixels=80)
 EYES = {"source_viewpoint": PAIR.source_viewpoint, "target_viewpoint": PAIR.target_viewpoint}
@@ -63,7 +63,8 @@ def test_cells_off_planes_equal_those_by_brute_force(seed: int) -> None:
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     planes = Planes(normals, rng.uniform(0, 20, size=(2, 3)), [voxels[:5], voxels[5:9]], labels)
     points = rng.uniform(0, 20, size=(60, 3))
-    cells = number_cells(points, planes, voxels, 1.0)
+    axes = random_motion(rng, 0)[:3, :3]
+    cells = number_cells(points, planes, voxels, 1.0, axes)
     for point, cell in zip(points, cells, strict=True):
         beside = [
             abs((point - planes.centers[k]) @ normals[k]) < 1.0
@@ -71,7 +72,8 @@ def test_cells_off_planes_equal_those_by_brute_force(seed: int) -> None:
             for k in range(2)
         ]
         assert (cell < 0) == any(beside)
-    cubes = np.floor(points / 4.0)
+    along = points @ axes.T
+    cubes = np.floor((along - along.min(axis=0)) / 4.0)
     for one, other in rng.integers(60, size=(100, 2)):
         if min(cells[one], cells[other]) >= 0:
             assert (cells[one] == cells[other]) == np.array_equal(cubes[one], cubes[other])

@@ -205,7 +205,7 @@ def test_an_axis_decides_between_the_poses_of_a_symmetric_shape(seed: int) -> No
 def test_a_pose_that_tilts_the_axis_is_never_returned() -> None:
     least = np.cos(np.radians(10))
     found = []
-    for seed in range(4):
+    for seed in range(5, 9):
         target = apply(random_motion(np.random.default_rng(seed), 0), TARGET)  # about no axis in common
         try:
             best = best_guess(SOURCE, target, axis=(0, 0, 1))
@@ -229,17 +229,17 @@ def test_a_symmetric_shape_has_alternatives() -> None:
 
 @pytest.mark.parametrize(("shape", "open_rows"), [(plane, [2]), (cylinder, [0, 1])])
 def test_what_the_surfaces_leave_open_is_said(shape: Any, open_rows: list[int]) -> None:
-    found = best_guess(shape(0), shape(1))
+    found = best_guess(shape(2), shape(3))
     assert found.open_motion is not None
     how = "turn about an axis along" if shape is plane else "slide along"
     assert f"the source is free to {how} (0.00, 0.00, 1.00): the surfaces hardly resist that" in found.notes
     # Some five voxels along it, and as nothing across.
     at = (
         found.open_motion
-        / np.linalg.norm(np.cross(found.open_motion[:3], shape(1)) + found.open_motion[3:], axis=1).mean()
+        / np.linalg.norm(np.cross(found.open_motion[:3], shape(3)) + found.open_motion[3:], axis=1).mean()
     )
     assert at @ np.linalg.solve(found.covariance, at) < (1 / (4 * found.voxel)) ** 2
-    points = shape(1)
+    points = shape(3)
     moves = np.cross(found.open_motion[:3], points) + found.open_motion[3:]
     outwards = np.zeros_like(points)
     outwards[:, open_rows] = points[:, open_rows] if shape is cylinder else 1

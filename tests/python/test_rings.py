@@ -7,42 +7,56 @@ import pytest
 
 from cgroup.datasets import standin_pair
 from cgroup.registration import register
-from cgroup.registration.motions import motion
-from cgroup.registration.rings import fill_between_rings, find_rings
+from cgroup.registration.rings import Rings, fill_between_rings, find_rings
 from cgroup.registration.scan import as_scan
 from cgroup.rigid import apply
 from cgroup.types import PointCloud
+from strategies import random_motion
 
-ORIGIN = (0.0, 0.0, 0.0)
 ROOM = np.array([4.0, 3.0, 1.4])
 """Half the sides of a room, with the scanner in its middle."""
 
 
-def spin(beams: int, columns: int = 600, noise: float = 0.0, lowest: float = -30.0) -> np.ndarray:
-    """Scan the room."""
+def spin(
+    beams: int,
+    columns: int = 600,
+    noise: float = 0.0,
+    lowest: float = -30.0,
+    place: tuple[float, ...] = (0.0, 0.0, 0.0),
+) -> np.ndarray:
+    """Scan the room from a place in it, relative to that place."""
     up, around = np.radians(np.linspace(lowest, -lowest, beams)), np.linspace(0, 2 * np.pi, columns, False)
     u, a = (each.reshape(-1) for each in np.meshgrid(up, around, indexing="ij"))
     rays = np.stack([np.cos(u) * np.cos(a), np.cos(u) * np.sin(a), np.sin(u)], axis=1)
-    ranges = (ROOM / np.maximum(np.abs(rays), 1e-9)).min(axis=1)
+    walls = np.where(rays > 0, ROOM - np.array(place), ROOM + np.array(place))
+    ranges = (walls / np.maximum(np.abs(rays), 1e-9)).min(axis=1)
     return rays * (ranges + noise * np.random.default_rng(0).normal(size=len(rays)))[:, None]
+
+
+def rings_of(points: np.ndarray) -> Rings | None:
+    return find_rings(points, as_scan("source", points).axes)
 
 
 @pytest.mark.parametrize("beams", [8, 16, 32])
 @pytest.mark.parametrize("noise", [0.0, 0.02])
-def test_rings_are_told_wherever_the_scanner_stands(beams: int, noise: float) -> None:
-    points = spin(beams, noise=noise)
-    place = motion(np.array([0.5, -2.0, 1.0, 5.0, 6.0, -7.0]), np.zeros(3))
-    for rays in (points, apply(place, points) - place[:3, 3]):
-        rings = find_rings(rays)
-        assert rings is not None
-        labels = rings.labels.reshape(beams, -1)
-        assert (labels == labels[:, :1]).all()
-        assert sorted(labels[:, 0]) == list(range(beams))
+@pytest.mark.parametrize("seed", range(4))
+def test_rings_are_told_wherever_the_scanner_stands(beams: int, noise: float, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    points = spin(beams, noise=noise, place=tuple(rng.uniform(-0.7, 0.7, size=3) * ROOM))
+    order = rng.permutation(len(points))
+    rings = rings_of(apply(random_motion(rng, 20.0), points)[order])
+    assert rings is not None
+    labels = np.empty(len(points), dtype=int)
+    labels[order] = rings.labels
+    labels = labels.reshape(beams, -1)
+    assert (labels == labels[:, :1]).all()
+    assert sorted(labels[:, 0]) == list(range(beams))
+    np.testing.assert_allclose(rings.ranges, np.linalg.norm(points, axis=1)[order], atol=0.02)
 
 
 def test_what_is_filled_in_lies_on_the_walls() -> None:
     points = spin(16)
-    filled = fill_between_rings(as_scan("source", points), ORIGIN).cloud.points
+    filled = fill_between_rings(as_scan("source", points)).cloud.points
     np.testing.assert_array_equal(filled[: len(points)], points)
     assert len(filled) > 3 * len(points)
     depth = np.abs(np.abs(filled) - ROOM).min(axis=1)  # from the nearest wall
@@ -54,7 +68,7 @@ def test_rings_of_two_surfaces_are_not_joined() -> None:
     points = spin(16)
     above = points[:, 2] > 0
     points[above] *= 4  # as if a wall stood behind a parapet
-    filled = fill_between_rings(as_scan("source", points), ORIGIN).cloud.points
+    filled = fill_between_rings(as_scan("source", points)).cloud.points
     sizes = np.abs(filled / ROOM).max(axis=1)
     assert ((sizes < 1.01) | (sizes > 3.5)).mean() > 0.97
 
@@ -71,17 +85,17 @@ def test_rings_of_two_surfaces_are_not_joined() -> None:
 )
 def test_other_clouds_are_left_alone(points: np.ndarray) -> None:
     scan = as_scan("source", points)
-    assert fill_between_rings(scan, ORIGIN) is scan
+    assert fill_between_rings(scan) is scan
 
 
 def test_a_cloud_with_normals_is_left_alone() -> None:
     scan = as_scan("source", PointCloud(spin(16), normals=np.ones((16 * 600, 3))))
-    assert fill_between_rings(scan, ORIGIN) is scan
+    assert fill_between_rings(scan) is scan
 
 
 def test_few_points_have_no_rings() -> None:
-    assert find_rings(np.eye(3)) is None
-    assert find_rings(np.zeros((30, 3))) is None
+    for points in (np.eye(3), np.zeros((30, 3)), np.ones((30, 1)) * np.arange(3.0)):
+        assert find_rings(points, np.eye(3)) is None
 
 
 def test_source_and_target_may_change_places() -> None:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from cgroup.features.cloud import CloudLike
-    from cgroup.types import FloatArray, IndexArray
+    from cgroup.types import FloatArray, IndexArray, RealArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +118,7 @@ def voxel_downsample(
     directions = None if stored is None else real_normals("normals", stored)
     size = as_length("voxel", voxel)
     means, normal_means, indices = _core.voxel_downsample(
-        core_cloud(points if cloud is None else cloud), directions, run_options(threads), size
+        core_cloud(points if cloud is None else cloud), directions, run_options(threads), size, own_axes=False
     )
     colors = None if cloud is None or cloud.colors is None else _mean_colors(cloud.colors, indices)
     return Voxels(means, normal_means, indices, colors)
@@ -175,5 +175,23 @@ def choose_voxel(*clouds: CloudLike, voxels: int = 5000, threads: int | None = N
         raise InputError("clouds", "none", "give one cloud or more")
     most = as_count("voxels", voxels, 1)
     return _core.choose_voxel(
-        [core_cloud(cloud, f"clouds[{row}]") for row, cloud in enumerate(clouds)], run_options(threads), most
+        [core_cloud(cloud, f"clouds[{row}]") for row, cloud in enumerate(clouds)],
+        run_options(threads),
+        most,
+        own_axes=False,
     )
+
+
+def thin(
+    points: CloudLike, voxel: float, *, normals: RealArray | None = None, threads: int | None = None
+) -> Voxels:
+    """As `voxel_downsample`, along the cloud's own axes: the frame changes voxels by rounding only."""
+    return Voxels(
+        *_core.voxel_downsample(core_cloud(points), normals, run_options(threads), voxel, own_axes=True)
+    )
+
+
+def choose_thinning(*clouds: CloudLike, voxels: int, threads: int | None) -> float:
+    """As `choose_voxel`, for `thin`."""
+    cores = [core_cloud(cloud) for cloud in clouds]
+    return _core.choose_voxel(cores, run_options(threads), voxels, own_axes=True)

@@ -389,7 +389,7 @@ def _remedy(source: PreparedScan, target: PreparedScan, axis: FloatArray | None,
     rounded = _find_rounded(source, target)
     if rounded:
         return rounded[0]
-    sizes = source.scan.cloud.diagonal, target.scan.cloud.diagonal
+    sizes = source.scan.diagonal, target.scan.diagonal
     if not scaled and max(sizes) > _SIZES_DIFFER * min(sizes):
         return (
             f"the clouds are {sizes[0]:.3g} and {sizes[1]:.3g} across: if both show the same, scale one, or "

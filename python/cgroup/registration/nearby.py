@@ -9,6 +9,7 @@ import numpy as np
 from cgroup import features
 from cgroup._checks.values import as_length, refusal
 from cgroup.errors import InputError
+from cgroup.features.voxels import thin
 from cgroup.registration.motions import motion
 from cgroup.registration.prepare import UNIT
 from cgroup.rigid import apply, check_rigid
@@ -67,7 +68,7 @@ class Nearby(NamedTuple):
 
     def around(self, source: PreparedScan) -> Nearby:
         """Return the same with a radius that suits the source, unless one was told."""
-        return self._replace(radius=self.radius or RADIUS * source.scan.cloud.diagonal)
+        return self._replace(radius=self.radius or RADIUS * source.scan.diagonal)
 
     def holds(self, poses: FloatArray, scan: PreparedScan) -> BoolArray:
         """Tell which poses are near enough, to a voxel and a degree."""
@@ -81,10 +82,11 @@ class Nearby(NamedTuple):
         """Propose poses, (m,4,4): the best shifts of each turn of a grid, on coarse surfaces."""
         size = max(_COARSER * source.voxel, _OF_RADIUS * self.radius)
         one, other = (_coarse_surface(scan, size, threads) for scan in (source, target))
-        shifts = _ball(self.radius, _STEP * size)
+        axes = target.scan.axes  # not those of the frame, on which nothing may depend
+        shifts = _ball(self.radius, _STEP * size) @ axes
         middle = apply(self.pose, source.scan.centroid[None])[0]
         found: list[FloatArray] = []
-        for turn in _ball(np.radians(self.angle), np.radians(_TURN)):
+        for turn in _ball(np.radians(self.angle), np.radians(_TURN)) @ axes:
             starts = np.tile(motion(np.append(turn, np.zeros(3)), middle) @ self.pose, (len(shifts), 1, 1))
             starts[:, :3, 3] += shifts
             found.append(verify(one, other, starts, threads=threads).poses)
@@ -100,7 +102,7 @@ def _ball(radius: float, step: float) -> FloatArray:
 
 
 def _coarse_surface(scan: PreparedScan, size: float, threads: int | None) -> Surface:
-    points = features.Cloud(features.voxel_downsample(scan.voxels.points, size, threads=threads).points)
+    points = features.Cloud(thin(scan.voxels.points, size, threads=threads).points)
     normals = features.normals(
         points,
         radius=_NORMAL_RADIUS * size,

@@ -13,6 +13,7 @@ from cgroup._checks.values import as_items, as_length, refusal
 from cgroup.errors import InputError
 from cgroup.features import DescribedCloud
 from cgroup.features._rows import as_descriptors
+from cgroup.features.voxels import thin
 from cgroup.registration.matching import frame_poses
 from cgroup.registration.prepare import UNIT
 from cgroup.rigid import are_rigid
@@ -107,7 +108,7 @@ def describe_voxels(scan: PreparedScan, values: RealArray) -> DescribedCloud:
     inside = (scan.scan.given >= kept.min(axis=0)) & (scan.scan.given <= kept.max(axis=0))  # no strays
     rows = np.flatnonzero(np.isfinite(values).all(axis=1) & inside.all(axis=1))
     points = in_double(scan.scan.given[rows])
-    voxels = features.voxel_downsample(points, scan.voxel, threads=scan.threads).indices
+    voxels = thin(points, scan.voxel, threads=scan.threads).indices
     first = np.unique(voxels, return_index=True)[1]
     rows, points = rows[first], points[first]
     middle = scan.scan.centroid

@@ -96,14 +96,16 @@ def _fit(points: FloatArray) -> tuple[FloatArray, FloatArray]:
     return np.linalg.eigh(offsets.T @ offsets)[1][:, 0], center
 
 
-def number_cells(points: FloatArray, planes: Planes, voxels: FloatArray, voxel: float) -> IndexArray:
-    """Return the cell of 4 voxels that each point lies in; -1 for points by a plane of the voxels."""
+def number_cells(
+    points: FloatArray, planes: Planes, voxels: FloatArray, voxel: float, axes: FloatArray
+) -> IndexArray:
+    """Return the cell along axes that each point lies in; -1 for points by a plane of the voxels."""
     by_a_plane = np.zeros(len(points), dtype=bool)
     for label, (normal, center) in enumerate(zip(planes.normals, planes.centers, strict=True)):
         rows = np.flatnonzero(np.abs((points - center) @ normal) < _EDGE * voxel)
         by_a_plane[rows] |= within(points[rows], voxels[planes.labels == label], 2 * _EDGE * voxel)
-    corners = np.floor(points / (_CELL * voxel)).astype(np.int64)
-    corners -= corners.min(axis=0)
+    along = points @ axes.T
+    corners = np.floor((along - along.min(axis=0)) / (_CELL * voxel)).astype(np.int64)
     numbers = np.ravel_multi_index(tuple(corners.T), tuple(corners.max(axis=0) + 1))
     return np.where(by_a_plane, -1, np.unique(numbers, return_inverse=True)[1])
 
@@ -111,6 +113,7 @@ def number_cells(points: FloatArray, planes: Planes, voxels: FloatArray, voxel: 
 def count_agreeing(source: Planes, target: Planes, pose: FloatArray, voxel: float) -> int:
     """Count the planes that a pose lays on planes: each normal and offset once."""
     counted: list[tuple[FloatArray, float]] = []
+    middle = target.centers.mean(axis=0) if len(target.centers) else np.zeros(3)
     for normal, members in zip(source.normals @ pose[:3, :3].T, source.members, strict=True):
         alike = np.flatnonzero(np.abs(target.normals @ normal) > _ALIKE)
         if len(alike) == 0:
@@ -124,7 +127,7 @@ def count_agreeing(source: Planes, target: Planes, pose: FloatArray, voxel: floa
             apart = _squared_distances(moved - center, target.members[row] - center).min(axis=1)
             if np.count_nonzero(apart < (_BESIDE * voxel) ** 2) < _SHARED * len(moved):
                 continue
-            height = float((moved @ other).mean())
+            height = float(((moved - middle) @ other).mean())
             if not any(_is_same(other, height, *known, voxel) for known in counted):
                 counted.append((other, height))
             break

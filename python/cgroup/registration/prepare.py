@@ -15,6 +15,7 @@ from cgroup._runtime.memory import report_refused_memory
 from cgroup._runtime.progress import as_stage_function, ignore_progress
 from cgroup.errors import InputError
 from cgroup.features import DescribedCloud
+from cgroup.features.voxels import choose_thinning, thin
 from cgroup.registration.planes import Planes, find_planes, number_cells
 from cgroup.registration.rings import fill_between_rings
 from cgroup.registration.scan import (
@@ -232,9 +233,7 @@ class PreparedScan:
         """
         if share not in self._thinned:
             size = share * self.voxel
-            self._thinned[share] = features.voxel_downsample(
-                self.scan.cloud, size, threads=self.threads
-            ).points
+            self._thinned[share] = thin(self.scan.cloud, size, threads=self.threads).points
         return self._thinned[share]
 
     @cached_property
@@ -311,7 +310,9 @@ class PreparedScan:
         """
         if surface.spacing not in self._cells:
             points = sample_points(surface)
-            self._cells[surface.spacing] = number_cells(points, self.planes, self.voxels.points, self.voxel)
+            self._cells[surface.spacing] = number_cells(
+                points, self.planes, self.voxels.points, self.voxel, self.scan.axes
+            )
         return self._cells[surface.spacing]
 
     def resized(self, factor: float, begin: Callable[[str], Any] = ignore_progress) -> PreparedScan:
@@ -470,7 +471,7 @@ def prepare(
     if normals == "pca":
         scan = as_scan("cloud", cloud)
         viewpoint = scan.stored_viewpoint if viewpoint is None else viewpoint
-        scan = _complete(scan, viewpoint)
+        scan = fill_between_rings(without_strays(scan))
     else:
         scan = as_model("cloud", cloud, normals, voxel)
     radii = DenseFront() if front is None else as_instance("front", front, DenseFront)
@@ -514,13 +515,7 @@ def as_given(
         return Given(name, cloud, viewpoint)
     scan = as_scan(name, cloud)
     place = scan.stored_viewpoint if viewpoint is None and or_stored else viewpoint
-    return Given(name, _complete(scan, place), place)
-
-
-def _complete(scan: Scan, viewpoint: ArrayLike | None) -> Scan:
-    """Set strays aside, and fill in the surface between the rings of few beams."""
-    eye = features.ORIGIN if viewpoint is None else scan.viewpoint(viewpoint)
-    return fill_between_rings(without_strays(scan), eye)
+    return Given(name, fill_between_rings(without_strays(scan)), place)
 
 
 class Preparation(NamedTuple):
@@ -574,7 +569,7 @@ class Preparation(NamedTuple):
         """Thin a scan to voxels, with the normals that it has if they are wanted."""
         begin(f"{role}voxels")
         given = scan.normals if with_normals else None
-        voxels = features.voxel_downsample(scan.cloud, self.voxel, normals=given, threads=self.threads)
+        voxels = thin(scan.cloud, self.voxel, normals=given, threads=self.threads)
         _check_least_voxels(scan, self.voxel, len(voxels))
         return voxels
 
@@ -612,7 +607,7 @@ class Preparation(NamedTuple):
             thinned,
             radius=self.front.normal_radius * self.voxel,
             neighbors=NORMAL_NEIGHBORS,
-            viewpoint=eye or features.ORIGIN,
+            viewpoint=scan.centroid if eye is None else eye,
             threads=self.threads,
         )
         _check_normals(scan, self.voxel, normals)
@@ -685,24 +680,24 @@ def _choose_voxel(scans: Sequence[Scan], voxel: float | None, threads: int | Non
         return as_length("voxel", voxel)
 
     def leave(count: int, *scans: Scan) -> float:
-        return features.choose_voxel(*(scan.cloud for scan in scans), voxels=count, threads=threads)
+        return choose_thinning(*(scan.cloud for scan in scans), voxels=count, threads=threads)
 
     usual = leave(VOXELS, *scans)
-    small, large = (choose(scans, key=lambda scan: scan.cloud.diagonal) for choose in (min, max))
-    if large.cloud.diagonal < _SIZES_DIFFER * small.cloud.diagonal:
+    small, large = (choose(scans, key=lambda scan: scan.diagonal) for choose in (min, max))
+    if large.diagonal < _SIZES_DIFFER * small.diagonal:
         return usual
     needed = leave(_LEAST_OF_EACH, small)
     for most in (MOST_VOXELS // 2, MOST_VOXELS):
         size = min(usual, max(needed, leave(most, large)))
-        if len(features.voxel_downsample(small.cloud, size, threads=threads)) >= LEAST_VOXELS:
+        if len(thin(small.cloud, size, threads=threads)) >= LEAST_VOXELS:
             return size
-    if len(features.voxel_downsample(small.cloud, needed, threads=threads)) < LEAST_VOXELS:
+    if len(thin(small.cloud, needed, threads=threads)) < LEAST_VOXELS:
         return size  # too few whatever the other
     parameters = f"{small.name}, {large.name}"
     raise InputError(
         parameters,
         remedy=(
-            f"{small.cloud.diagonal:.4g} and {large.cloud.diagonal:.4g} across, no voxel suits both; give "
+            f"{small.diagonal:.4g} and {large.diagonal:.4g} across, no voxel suits both; give "
             "the same unit, or cut the larger down to where the smaller may lie"
         ),
     )
@@ -727,7 +722,7 @@ def _check_most_voxels(scan: Scan, voxel: float, count: int) -> None:
 
 def _say_filled(scan: Scan, voxel: float, count: int) -> str:
     voxels = "1 voxel" if count == 1 else f"{count} voxels"
-    return f"{len(scan.cloud)} points, {scan.cloud.diagonal:.4g} across, fill {voxels} of size {voxel:.4g}"
+    return f"{len(scan.cloud)} points, {scan.diagonal:.4g} across, fill {voxels} of size {voxel:.4g}"
 
 
 def _check_normals(scan: Scan, voxel: float, normals: FloatArray) -> None:

@@ -79,6 +79,11 @@ def register(
     verified on the two surfaces (`cgroup.verification`), the best is refined, and judged. Of `front`,
     `matches`, `descriptors` and `initial` one can be given.
 
+    Neither the frames of the clouds, the order of their points, their unit, nor which is the source changes
+    the verdict, beyond rounding: grids and samples follow each cloud's own axes. Rounding may decide where
+    the probability is near 0.5, and where a shape has no axes of its own, as a ball, a cube or a disk. With
+    the paper's front, `matches` or `descriptors` the order and the roles count too.
+
     Parameters
     ----------
     source, target : PreparedScan, PointCloud, Cloud, path or (N,3) array_like of float

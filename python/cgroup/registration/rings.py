@@ -1,4 +1,8 @@
-"""Scans of few beams: the surface between their rings is filled in."""
+"""Scans of few beams: the surface between their rings is filled in.
+
+A beam that spins draws a cone, and all cones of a scanner have one apex and one axis. Points next to each
+other on a ring are seen from the apex at one angle to the axis; that fixes both, wherever the scanner stands.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +12,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from cgroup import _core
 from cgroup._checks.arrays import in_double
+from cgroup._checks.run_options import run_options
 from cgroup.features import Cloud
 
 if TYPE_CHECKING:
@@ -17,7 +23,10 @@ if TYPE_CHECKING:
 
 _LEAST_RINGS, _MOST_RINGS = 8, 40
 _MOST_POINTS = 200_000  # of so few rings
-_DIRECTIONS, _ROUNDS = 40, 5
+_CHORDS, _FEW = 3000, 4  # from points to those next to them, of which one in so many first
+_AWAY = 0.5  # of the cloud's radius, from its middle to the places where the search for the apex starts
+_ROUNDS, _LAST_ROUNDS = 12, 15
+_CUT, _PER_MEDIAN, _LEAST_DEVIATION, _DAMPING = 4.685, 1.4826, 1e-9, 1e-9  # as for `align`
 _ENOUGH = 5000  # points that tell the rings
 _APART = 3.0  # gaps between rings over those within them, and over the spacing along them
 _STEP = 1.5  # between points that are filled in, in spacings along the ring
@@ -34,7 +43,7 @@ class Rings(NamedTuple):
     ranges: FloatArray
 
 
-def fill_between_rings(scan: Scan, eye: tuple[float, float, float]) -> Scan:
+def fill_between_rings(scan: Scan) -> Scan:
     """Fill in the surface between the rings of a scan; any other cloud is left as it is.
 
     Points next to each other on adjacent rings are joined by points in a line, unless the line is seen at a
@@ -43,7 +52,7 @@ def fill_between_rings(scan: Scan, eye: tuple[float, float, float]) -> Scan:
     if scan.faces is not None or scan.normals is not None or len(scan.cloud) > _MOST_POINTS:
         return scan
     points = in_double(scan.cloud.points)
-    rings = find_rings(points - eye)
+    rings = find_rings(points, scan.axes)
     if rings is None:
         return scan
     parts = [points]
@@ -66,46 +75,131 @@ def fill_between_rings(scan: Scan, eye: tuple[float, float, float]) -> Scan:
     return replace(scan, cloud=Cloud(np.concatenate(parts), name=scan.name))
 
 
-def find_rings(rays: FloatArray) -> Rings | None:
-    """Tell the rings that a spinning scanner's rays lie on, each on a cone; None where there are none.
+def find_rings(points: FloatArray, axes: FloatArray) -> Rings | None:
+    """Tell the rings that a spinning scanner's points lie on, each on a cone; None where there are none.
 
-    The axis is at right angles to the directions from rays to their neighbours, since points are closest
-    along the rings. Angles to it then fall into groups.
+    The search starts at places along the cloud's own axes (3,3), and takes the best apex from which the
+    angles to the axis fall into groups.
     """
-    ranges = np.linalg.norm(rays, axis=1)
-    directions = rays / np.maximum(ranges, np.finfo(float).tiny)[:, None]
-    axis = _axis_of(directions[:: len(rays) // _DIRECTIONS + 1], directions)
-    sines = np.clip(directions @ axis, -1, 1)
-    ordered = np.sort(np.arcsin(sines[:: len(rays) // _ENOUGH + 1]))
+    middle = points.mean(axis=0)
+    radius = float(np.sqrt(((points - middle) ** 2).sum(axis=1).mean()))
+    if not radius > 0:
+        return None
+    local = (points - middle) / radius
+    in_order = np.argsort(local @ axes[0], kind="stable")  # not that of the rows
+    chords = _Chords.of(local, in_order[:: len(local) // _CHORDS + 1].copy())
+    if len(chords.ends) < _LEAST_RINGS:
+        return None
+    some = local[in_order[:: len(local) // _ENOUGH + 1]]
+    few = _Chords(*(part[::_FEW] for part in chords))
+    axis = chords.axis()
+    starts = np.concatenate([np.zeros((1, 3)), _AWAY * axes, -_AWAY * axes])
+    found = [few.fit(Apex(place, axis, np.inf), _ROUNDS) for place in starts]
+    # Not the best alone: seen from a place in the ground, all of that lies at one angle.
+    for rough in sorted(found, key=lambda apex: apex.off):
+        if _find_borders(some, rough, len(points)) is None:
+            continue
+        apex = chords.fit(rough, _LAST_ROUNDS)
+        apex = apex._replace(axis=apex.axis * (1.0 if ((local @ apex.axis) ** 3).sum() >= 0 else -1.0))
+        borders = _find_borders(some, apex, len(points))
+        return None if borders is None else _tell(local, apex, borders, radius)
+    return None
+
+
+class Apex(NamedTuple):
+    """A scanner's place, its axis, and the deviation of the chords from its cones."""
+
+    place: FloatArray
+    axis: FloatArray
+    off: float
+
+    def upwards(self, points: FloatArray) -> FloatArray:
+        """Angles of points above the plane at right angles to the axis."""
+        rays = points - self.place
+        ranges = np.maximum(np.linalg.norm(rays, axis=1), np.finfo(float).tiny)
+        return np.arcsin(np.clip(rays @ self.axis / ranges, -1, 1))
+
+
+class _Chords(NamedTuple):
+    """Lines from points to others next to them, along the rings mostly: both ends, (n,3)."""
+
+    ends: FloatArray
+    others: FloatArray
+
+    @classmethod
+    def of(cls, points: FloatArray, rows: IndexArray) -> _Chords:
+        """Return the chords from some of the points."""
+        near = points[_core.nearest_rows(points, rows, run_options(1), 2)[:, -1]]
+        apart = (near != points[rows]).any(axis=1)
+        return cls(points[rows][apart], near[apart])
+
+    def axis(self) -> FloatArray:
+        """Direction at right angles to the chords; outliers don't count."""
+        along = self.others - self.ends
+        along /= np.linalg.norm(along, axis=1, keepdims=True)
+        axis = np.linalg.eigh(along.T @ along)[1][:, 0]
+        for _ in range(5):
+            off = np.abs(along @ axis)
+            kept = along[off <= max(2.5 * float(np.median(off)), 1e-3)]
+            axis = np.linalg.eigh(kept.T @ kept)[1][:, 0]
+        return axis
+
+    def fit(self, apex: Apex, rounds: int) -> Apex:
+        """Fit apex and axis so that both ends of each chord are seen at one angle, by Tukey's weights.
+
+        The residual is the angle between the chord and the cone of its ends: ``(sin b - sin a) r / length``.
+        """
+        lengths = np.linalg.norm(self.others - self.ends, axis=1)
+        for _ in range(rounds):
+            (u, r), (v, q) = (_rays_from(apex.place, ends) for ends in self)
+            sines, others, scale = u @ apex.axis, v @ apex.axis, (r + q) / 2 / lengths
+            residuals = (others - sines) * scale
+            off = _PER_MEDIAN * float(np.median(np.abs(residuals))) + _LEAST_DEVIATION
+            weights = np.maximum(1 - (residuals / (_CUT * off)) ** 2, 0) * scale
+            aside = np.linalg.svd(apex.axis[None])[2][1:]
+            by_place = (apex.axis - sines[:, None] * u) / r[:, None]
+            by_place -= (apex.axis - others[:, None] * v) / q[:, None]
+            rows = weights[:, None] * np.hstack([by_place, (v - u) @ aside.T])
+            matrix = rows.T @ rows
+            damped = matrix + (_DAMPING * np.trace(matrix) + np.finfo(float).tiny) * np.eye(5)
+            change = -np.linalg.solve(damped, rows.T @ (weights * (others - sines)))
+            change *= min(1.0, _AWAY / max(float(np.linalg.norm(change[:3])), np.finfo(float).tiny))
+            axis = apex.axis + change[3:] @ aside
+            apex = Apex(apex.place + change[:3], axis / np.linalg.norm(axis), off)
+        return apex
+
+
+def _rays_from(place: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Directions of points from a place, and their ranges."""
+    rays = points - place
+    ranges = np.maximum(np.linalg.norm(rays, axis=1), np.finfo(float).tiny)
+    return rays / ranges[:, None], ranges
+
+
+def _find_borders(some: FloatArray, apex: Apex, count: int) -> FloatArray | None:
+    """Angles between the rings that some of so many points lie on; None where there are no rings."""
+    ordered = np.sort(apex.upwards(some))
     gaps = np.diff(ordered)
     largest = np.sort(gaps)[::-1][: _MOST_RINGS + 1]
     if len(largest) <= _LEAST_RINGS:
         return None
     falls = largest[_LEAST_RINGS - 2 : -1] / np.maximum(largest[_LEAST_RINGS - 1 :], np.finfo(float).tiny)
-    count = int(np.argmax(falls)) + _LEAST_RINGS - 1
-    spacing = 2 * np.pi * (count + 1) / len(rays)
-    if falls.max() < _APART or largest[count - 1] < _APART * spacing:
+    rings = int(np.argmax(falls)) + _LEAST_RINGS
+    spacing = 2 * np.pi * rings / count
+    if falls.max() < _APART or largest[rings - 2] < _APART * spacing:
         return None
-    between = np.flatnonzero(gaps >= largest[count - 1])
-    upwards = np.arcsin(sines)
-    labels = np.searchsorted((ordered[between] + ordered[between + 1]) / 2, upwards)
-    aside = np.linalg.svd(axis[None])[2][1:]  # two directions at right angles to the axis
-    around = np.arctan2(*(directions @ aside.T).T)
-    return Rings(labels, around, upwards, ranges)
+    between = np.flatnonzero(gaps >= largest[rings - 2])
+    return (ordered[between] + ordered[between + 1]) / 2
 
 
-def _axis_of(some: FloatArray, directions: FloatArray) -> FloatArray:
-    """Direction at right angles to those from each of some rays to its neighbour; outliers don't count."""
-    cosines = some @ directions.T
-    cosines[cosines > 1 - 1e-12] = -1  # the ray itself, and others in its direction
-    along = directions[np.argmax(cosines, axis=1)] - some
-    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), np.finfo(float).tiny)
-    axis = np.linalg.eigh(along.T @ along)[1][:, 0]
-    for _ in range(_ROUNDS):
-        off = np.abs(along @ axis)
-        kept = along[off <= max(2.5 * float(np.median(off)), 1e-3)]
-        axis = np.linalg.eigh(kept.T @ kept)[1][:, 0]
-    return axis
+def _tell(local: FloatArray, apex: Apex, borders: FloatArray, radius: float) -> Rings:
+    """Return the rings of points whose unit is the cloud's radius."""
+    upwards = apex.upwards(local)
+    rays = local - apex.place
+    aside = np.linalg.svd(apex.axis[None])[2][1:]  # two directions at right angles to the axis
+    around = np.arctan2(*(rays @ aside.T).T)
+    ranges = radius * np.linalg.norm(rays, axis=1)
+    return Rings(np.searchsorted(borders, upwards), around, upwards, ranges)
 
 
 def _next_to(ring: FloatArray, angles: FloatArray) -> IndexArray:

@@ -17,6 +17,7 @@ from cgroup._checks.run_options import run_options
 from cgroup._runtime.progress import ignore_progress
 from cgroup.errors import InputError
 from cgroup.features import Cloud
+from cgroup.features.voxels import choose_thinning
 from cgroup.registration.judge import (
     MOST_OPEN_MOTIONS,
     OPEN,
@@ -155,7 +156,7 @@ def _describe_sizes(
     """Describe a scan at voxels of several sizes, as far as they leave a surface."""
     scan = given.whole
     eye = None if given.viewpoint is None else scan.viewpoint(given.viewpoint)
-    finest = features.choose_voxel(scan.cloud, voxels=VOXELS, threads=threads)
+    finest = choose_thinning(scan.cloud, voxels=VOXELS, threads=threads)
     found: list[_Described] = []
     for size in finest * STEP ** np.arange(SIZES):
         shared = Preparation(float(size), radii, threads)

@@ -22,6 +22,7 @@ from cgroup._checks.values import as_length
 from cgroup._runtime.cached import cached_property
 from cgroup.errors import InputError
 from cgroup.features import Cloud
+from cgroup.features.cloud import core_cloud
 from cgroup.types import PointCloud, find_cloud
 
 if TYPE_CHECKING:
@@ -140,6 +141,16 @@ class Scan:
         """Mean of the points."""
         return in_double(self.cloud.points).mean(axis=0)
 
+    @cached_property
+    def axes(self) -> FloatArray:
+        """Rotation into the axes that the cloud has by itself, (3,3)."""
+        return core_cloud(self.cloud).own_axes()
+
+    @cached_property
+    def diagonal(self) -> float:
+        """Diagonal of the box around the cloud along its own axes."""
+        return float(np.linalg.norm(np.ptp(in_double(self.cloud.points) @ self.axes.T, axis=0)))
+
     def has(self, normals: Normals) -> bool:
         """Whether the cloud has what such normals need."""
         return normals == "pca" or getattr(self, NEEDED_FOR[normals]) is not None
@@ -155,10 +166,10 @@ class Scan:
         """Return the unit pr: the one given, or that of the cloud."""
         if given is None:
             return self.resolution(threads)
-        if as_length("resolution", given) > self.cloud.diagonal:
+        if as_length("resolution", given) > self.diagonal:
             raise InputError(
                 "resolution",
-                f"{given}, but the whole cloud is {self.cloud.diagonal:.3g} across",
+                f"{given}, but the whole cloud is {self.diagonal:.3g} across",
                 "give it in the cloud's unit",
             )
         return given
@@ -166,21 +177,20 @@ class Scan:
     def is_far(self, viewpoint: Viewpoint | None) -> bool:
         """Whether a viewpoint stands for a direction."""
         away = 0.0 if viewpoint is None else float(np.linalg.norm(np.array(viewpoint) - self.centroid))
-        return away > 0.9 * FAR_AWAY * self.cloud.diagonal
+        return away > 0.9 * FAR_AWAY * self.diagonal
 
     def viewpoint(self, place: ArrayLike) -> Viewpoint:
         """Return the scanner's place, if it can be meant; far away where its direction is given."""
         if isinstance(place, ViewDirection):
-            x, y, z = (self.centroid - FAR_AWAY * self.cloud.diagonal * np.array(place)).tolist()
+            x, y, z = (self.centroid - FAR_AWAY * self.diagonal * np.array(place)).tolist()
             return x, y, z
         name = viewpoint_name(self.name)
         x, y, z = as_place(name, place)
         away = self.distance([x, y, z])
-        if away > MAX_RANGE * self.cloud.diagonal:
+        if away > MAX_RANGE * self.diagonal:
             raise InputError(
                 name,
-                f"({x:.4g}, {y:.4g}, {z:.4g}), {away:.3g} from a cloud that is {self.cloud.diagonal:.3g} "
-                "across",
+                f"({x:.4g}, {y:.4g}, {z:.4g}), {away:.3g} from a cloud that is {self.diagonal:.3g} across",
                 "give the scanner's place in the cloud's frame and unit",
             )
         return x, y, z
@@ -188,7 +198,7 @@ class Scan:
     def distance(self, place: list[float]) -> float:
         """Return how far from the cloud a place is."""
         with np.errstate(over="ignore"):  # to infinity, which is too far
-            return float(np.linalg.norm(np.array(place) - self.cloud.points[0]))
+            return float(np.linalg.norm(np.array(place) - self.centroid))
 
 
 def shows_layers(scan: Scan, viewpoint: Viewpoint, voxel: float) -> bool:
@@ -200,7 +210,7 @@ def shows_layers(scan: Scan, viewpoint: Viewpoint, voxel: float) -> bool:
     rays = points[:: len(points) // _ENOUGH + 1] - np.array(viewpoint)
     depths = np.linalg.norm(rays, axis=1)
     rays, depths = rays[depths > 0] / depths[depths > 0, None], depths[depths > 0]
-    if np.quantile(depths, 0.01) < LEAST_DISTANCE * scan.cloud.diagonal:
+    if np.quantile(depths, 0.01) < LEAST_DISTANCE * scan.diagonal:
         return False
     some = np.arange(0, len(rays), len(rays) // _DIRECTIONS + 1)
     apart = _LAYERS_APART * voxel
@@ -242,7 +252,7 @@ def as_scan(name: str, cloud: Scan | Cloud | AnyCloud) -> Scan:
         return scan
     place = as_place(f"{name}.viewpoint", cloud.viewpoint)
     return (
-        replace(scan, stored_viewpoint=place) if scan.distance(place) <= MAX_RANGE * ready.diagonal else scan
+        replace(scan, stored_viewpoint=place) if scan.distance(place) <= MAX_RANGE * scan.diagonal else scan
     )
 
 
@@ -264,10 +274,9 @@ def without_strays(scan: Scan) -> Scan:
     With r the 9th decile of the distances from the median, a point beyond 3 r is a stray where a cube of side
     r / 2 around it has fewer than four points.
     """
-    points = in_double(scan.cloud.points)
-    sample = points[:: len(points) // _ENOUGH + 1]
-    center = np.median(sample, axis=0)
-    size = float(np.quantile(np.linalg.norm(sample - center, axis=1), 0.9))
+    points = in_double(scan.cloud.points) @ scan.axes.T
+    center = np.median(points, axis=0)
+    size = float(np.quantile(np.linalg.norm(points - center, axis=1), 0.9))
     away = [np.abs(points[:, axis] - center[axis]) > _FAR * size for axis in range(3)]
     far = np.flatnonzero(away[0] | away[1] | away[2])
     if size == 0 or len(far) == 0 or scan.faces is not None:
@@ -282,7 +291,7 @@ def without_strays(scan: Scan) -> Scan:
         return scan
     kept = np.delete(np.arange(len(points)), strays)
     normals = None if scan.normals is None else scan.normals[kept]
-    cloud = Cloud(points[kept], name=scan.name)
+    cloud = Cloud(in_double(scan.cloud.points)[kept], name=scan.name)
     return replace(scan, cloud=cloud, normals=normals, strays=len(strays))
 
 
@@ -301,14 +310,14 @@ def _surface_of(name: str, cloud: PointCloud, count: int) -> tuple[FloatArray | 
 
 def check_sizes(scans: Sequence[Scan]) -> None:
     """Refuse clouds in different units."""
-    sizes = [scan.cloud.diagonal for scan in scans]
+    sizes = [scan.diagonal for scan in scans]
     if max(sizes) > MAX_SIZE_RATIO * min(sizes):
         one, other = (scans[row] for row in sorted([sizes.index(min(sizes)), sizes.index(max(sizes))]))
         parameter = f"{one.name}, {other.name}"
         raise InputError(
             parameter,
             remedy=(
-                f"{one.cloud.diagonal:.3g} and {other.cloud.diagonal:.3g} across; scale them to the same "
+                f"{one.diagonal:.3g} and {other.diagonal:.3g} across; scale them to the same "
                 "unit, or drop points far from all others"
             ),
         )

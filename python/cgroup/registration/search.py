@@ -300,8 +300,8 @@ class Search:
 
 
 def _order(scan: PreparedScan) -> tuple[float, ...]:
-    """Return what scans are ordered by: their size, then anything that tells them apart."""
-    return len(scan), *scan.voxels.points[0]
+    """Return what scans are ordered by, in any frame: their size, then how far a voxel is from the mean."""
+    return len(scan), float(np.linalg.norm(scan.voxels.points[0] - scan.scan.centroid))
 
 
 def _better(one: Found | None, other: Found | None) -> Found | None:

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.random import default_rng
 
-from cgroup import features
 from cgroup._checks.arrays import as_direction, as_place
 from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.run_options import as_threads
@@ -19,6 +18,7 @@ from cgroup._runtime.memory import report_refused_memory
 from cgroup._runtime.progress import StageClock, as_stage_function
 from cgroup._runtime.workers import count_workers, work_side_by_side
 from cgroup.errors import InputError
+from cgroup.features.voxels import choose_thinning
 from cgroup.registration.judge import (
     Case,
     Found,
@@ -143,7 +143,7 @@ def locate(
     given = as_given("scan", scan, as_viewpoint(viewpoint, view_direction), or_stored=True)
     search = Search("lc", {}, direction, effort, 1, clock)
     clock.start("voxels")
-    size = features.choose_voxel(given.whole.cloud, voxels=VOXELS, threads=threads)
+    size = choose_thinning(given.whole.cloud, voxels=VOXELS, threads=threads)
     fitting, finer = _levels_for(place, size)
 
     def look(level: Level) -> _Locating:

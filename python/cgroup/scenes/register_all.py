@@ -204,7 +204,7 @@ def _prepare_each(
 
     workers = count_workers(threads)
     work_side_by_side(range(len(named)), check, workers)
-    sizes = {row: clouds[row].whole.cloud.diagonal for row in sorted(clouds)}
+    sizes = {row: clouds[row].whole.diagonal for row in sorted(clouds)}
     usual = float(np.median([*sizes.values()])) if sizes else 0.0
     for row, size in sizes.items():
         if not usual / MAX_SIZE_RATIO**0.5 <= size <= usual * MAX_SIZE_RATIO**0.5:

@@ -12,6 +12,9 @@ use crate::simd;
 
 /// Bins of each angle.
 pub(super) const BINS: usize = 11;
+/// Share by which two numbers may differ and be equal but for rounding, which must not decide: points with the same
+/// neighbours have the same normal.
+const TIE: f64 = 1e-6;
 /// Pairs that are computed at once.
 const LANES: usize = 16;
 
@@ -66,7 +69,7 @@ pub(super) fn count(own: u32, ball: &Ball, normals: &[Vector3<f64>], counts: &mu
 }
 
 /// Adds the first `filled` pairs: alpha = v.n', phi = u.d, theta = atan2(w.n', u.n') in the Darboux frame u = n,
-/// v = d x u, w = u x v at that point whose normal is closer to the line d. There are none where points coincide or
+/// v = d x u, w = u x v at that point whose normal is closer to the line d, the own point where neither is. There are none where points coincide or
 /// the line runs along that normal.
 #[inline(always)]
 fn add(pairs: &Pairs, filled: usize, normal: &Vector3<f64>, counts: &mut Counts) {
@@ -77,7 +80,7 @@ fn add(pairs: &Pairs, filled: usize, normal: &Vector3<f64>, counts: &mut Counts)
         let other = [0, 1, 2].map(|k| pairs.normal[k][lane]);
         let own = [normal.x, normal.y, normal.z];
         let (near, far) = (dot(own, d), dot(other, d));
-        let is_other = near.abs() < far.abs();
+        let is_other = near.abs() < far.abs() * (1.0 - TIE);
         // The line changes its sign with the end that it is seen from.
         let u = [0, 1, 2].map(|k| if is_other { other[k] } else { own[k] });
         let n = [0, 1, 2].map(|k| if is_other { own[k] } else { other[k] });
@@ -87,7 +90,9 @@ fn add(pairs: &Pairs, filled: usize, normal: &Vector3<f64>, counts: &mut Counts)
         let length = square.sqrt();
         let phi = sign * (if is_other { far } else { near }) / dot(d, d).sqrt();
         let alpha = sign * dot(v, n) / length;
-        let theta = atan2(sign * dot(cross(u, v), n), dot(u, n) * length);
+        let (across, along) = (sign * dot(cross(u, v), n), dot(u, n) * length);
+        // Of opposite normals half a turn, never minus that.
+        let theta = atan2(if across.abs() <= TIE * along.abs() { 0.0 } else { across }, along);
         bins[0][lane] = (theta + PI) / (2.0 * PI);
         bins[1][lane] = 0.5 * (alpha + 1.0);
         bins[2][lane] = 0.5 * (phi + 1.0);

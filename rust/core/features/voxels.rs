@@ -11,6 +11,7 @@ use rayon::prelude::*;
 use crate::error::{Error, Result, at_least_one};
 use crate::execution::Execution;
 use crate::features::voxel_grid::Grid;
+use crate::geometry::own_axes::OwnFrame;
 use crate::memory;
 use crate::points::Points;
 
@@ -60,6 +61,22 @@ pub fn voxel_downsample(
     let normals = normals.map(|normals| mean_directions(normals, &indices, count)).transpose()?;
     let points = memory::collect(sums.iter().zip(&members).map(mean))?;
     Ok(Voxels { points, normals: normals.unwrap_or_default(), indices })
+}
+
+/// The same by a grid along the cloud's own axes: the voxels do not depend on the frame, up to rounding.
+///
+/// # Errors
+/// As [`voxel_downsample`].
+pub fn thin(
+    points: &Points,
+    normals: Option<&[Vector3<f64>]>,
+    size: f64,
+    execution: &Execution,
+) -> Result<Voxels> {
+    let (frame, points) = OwnFrame::of(points)?;
+    let mut voxels = voxel_downsample(&points, normals, size, execution)?;
+    voxels.points.iter_mut().for_each(|point| *point = frame.in_data(&Vector3::from(*point)).into());
+    Ok(voxels)
 }
 
 /// The smallest size d 2^(k/16), k whole and d the longest diagonal of the clouds, at which clouds have at most `most`

@@ -5,6 +5,7 @@ pub mod ball_search;
 mod grid;
 pub mod nearest_sets;
 pub mod neighbors;
+pub mod own_axes;
 pub mod placements;
 pub mod proximity;
 pub mod resolution;

@@ -70,7 +70,7 @@ pub fn align(
     check_spacings(source, target)?;
     let a = target.spacing();
     let radius = source.radius().max(target.radius()) / a;
-    let mut pose = between(source, target, pose);
+    let mut pose = source.frame().pose_onto(target.frame(), pose);
     let mut known = Known::new(source, target)?;
     for step in 0..FIRST_STEPS + LAST_STEPS {
         let share = (step as f64 / FIRST_STEPS as f64).min(1.0);
@@ -88,11 +88,11 @@ pub fn align(
     let pairs = known.pair(source, target, &pose, REACH, samples, execution)?;
     let sums = equations(&pairs, LAST_REACH)?;
     Ok(Alignment {
-        pose: in_data(source, target, &pose),
+        pose: source.frame().pose_in_data(target.frame(), &pose),
         residuals: memory::collect(pairs.iter().map(|pair| pair.residual * a))?,
         deviations: memory::collect(pairs.iter().map(|pair| pair.deviation))?,
         samples: source.samples(samples).len() + target.samples(samples).len(),
-        resistance: Resistance::new(&sums.matrix, sums.weight, radius, a, &target.center()),
+        resistance: Resistance::new(&sums.matrix, sums.weight, radius, a, target.frame()),
     })
 }
 
@@ -108,7 +108,7 @@ pub fn plane_distances(
     execution: &Execution,
 ) -> Result<Vec<f64>> {
     check_spacings(source, target)?;
-    let (pose, search) = (between(source, target, pose), target.search());
+    let (pose, search) = (source.frame().pose_onto(target.frame(), pose), target.search());
     let distances = source.samples(usize::MAX).par_iter().map(|sample| {
         execution.check()?;
         let normal = pose.rotation * sample.normal;
@@ -131,18 +131,6 @@ fn check_spacings(source: &FineSurface, target: &FineSurface) -> Result<()> {
 fn followed_by(pose: &Rigid, turn: Vector3<f64>, shift: Vector3<f64>) -> Rigid {
     let turn = Rotation3::new(turn).into_inner();
     Rigid { rotation: turn * pose.rotation, translation: turn * pose.translation + shift }
-}
-
-/// The pose between coordinates relative to the surfaces' means.
-fn between(source: &FineSurface, target: &FineSurface, pose: &Rigid) -> Rigid {
-    let translation = pose.rotation * source.center() + pose.translation - target.center();
-    Rigid { rotation: pose.rotation, translation }
-}
-
-/// The same pose in the coordinates of the data.
-fn in_data(source: &FineSurface, target: &FineSurface, pose: &Rigid) -> Rigid {
-    let translation = pose.translation + target.center() - pose.rotation * source.center();
-    Rigid { rotation: pose.rotation, translation }
 }
 
 fn nearest_rotation(pose: &Rigid) -> nalgebra::Matrix3<f64> {

@@ -8,6 +8,7 @@ use crate::execution::Execution;
 use crate::features::normals::{Scatter, scatter};
 use crate::features::voxels::voxel_downsample;
 use crate::geometry::ball_search::{Ball, BallSearch};
+use crate::geometry::own_axes::OwnFrame;
 use crate::memory;
 use crate::points::Points;
 use crate::verification::sampling;
@@ -41,6 +42,7 @@ pub(super) struct Sample {
 #[derive(Debug)]
 pub struct FineSurface {
     spacing: f64,
+    frame: OwnFrame,
     points: Points,
     search: BallSearch,
     /// In the order drawn.
@@ -56,11 +58,14 @@ impl FineSurface {
     /// small that few places have a plane; [`Error::Interrupted`], [`Error::OutOfMemory`].
     pub fn new(cloud: &Points, spacing: f64, execution: &Execution) -> Result<Self> {
         let spacing = positive("spacing", spacing)?;
-        let points = Points::from_rows("points", &voxel_downsample(cloud, None, spacing, execution)?.points)?;
+        let (frame, cloud) = OwnFrame::of(cloud)?;
+        let points =
+            Points::from_rows("points", &voxel_downsample(&cloud, None, spacing, execution)?.points)?;
+        let frame = OwnFrame { center: frame.in_data(&points.center()), ..frame };
         let search = BallSearch::new(&points, REACH * spacing)?;
         let samples = sample(&points, &search.narrowed(PLANE_RADIUS * spacing), spacing, execution)?;
         let radius = root_mean_square(&samples);
-        Ok(Self { spacing, points, search, samples, radius })
+        Ok(Self { spacing, frame, points, search, samples, radius })
     }
 
     /// Number of points.
@@ -78,14 +83,14 @@ impl FineSurface {
         self.spacing
     }
 
-    /// Mean of the points.
-    pub fn center(&self) -> Vector3<f64> {
-        self.points.center()
+    /// The points' own axes, about their mean: the frame of the samples and of the search.
+    pub(super) fn frame(&self) -> &OwnFrame {
+        &self.frame
     }
 
     /// Where the samples lie, in the coordinates of the data.
     pub fn sample_points(&self) -> impl ExactSizeIterator<Item = [f64; 3]> {
-        self.samples.iter().map(|sample| (sample.point.coords + self.center()).into())
+        self.samples.iter().map(|sample| self.frame.in_data(&sample.point.coords).into())
     }
 
     /// The first samples drawn, at most `count`.

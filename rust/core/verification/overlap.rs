@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use crate::error::Result;
 use crate::execution::Execution;
+use crate::geometry::own_axes::OwnFrame;
 use crate::geometry::rigid::Rigid;
 use crate::memory;
 use crate::simd;
@@ -46,19 +47,17 @@ pub struct Resistance {
 }
 
 impl Resistance {
-    /// From the matrix and the weight of normal equations in units, about the target's centre; `radius` is that of the
+    /// From the matrix and the weight of normal equations in units, in the target's frame; `radius` is that of the
     /// surfaces, in units.
-    pub(super) fn new(
-        matrix: &Matrix6<f64>,
-        weight: f64,
-        radius: f64,
-        unit: f64,
-        center: &Vector3<f64>,
-    ) -> Self {
+    pub(super) fn new(matrix: &Matrix6<f64>, weight: f64, radius: f64, unit: f64, frame: &OwnFrame) -> Self {
+        let mut turn = Matrix6::zeros();
+        turn.fixed_view_mut::<3, 3>(0, 0).copy_from(&frame.axes);
+        turn.fixed_view_mut::<3, 3>(3, 3).copy_from(&frame.axes);
+        let matrix = turn.transpose() * matrix * turn;
         Self {
-            information: in_data(matrix, unit, center),
-            open_motion: open_motion(matrix, weight, radius)
-                .map(|motion| moved_to_origin(&motion, unit, center)),
+            information: in_data(&matrix, unit, &frame.center),
+            open_motion: open_motion(&matrix, weight, radius)
+                .map(|motion| moved_to_origin(&motion, unit, &frame.center)),
         }
     }
 }
@@ -80,7 +79,7 @@ fn measure(source: &Surface, target: &Surface, pose: &Rigid, execution: &Executi
     Ok(Overlap {
         fitness,
         inlier_rmse: rmse * source.unit(),
-        resistance: Resistance::new(&matrix, sums.weight, radius, target.unit(), &target.center()),
+        resistance: Resistance::new(&matrix, sums.weight, radius, target.unit(), target.frame()),
     })
 }
 
@@ -131,7 +130,7 @@ impl Shared {
     }
 }
 
-/// From motions about the target's mean, in units, to motions about its origin in the data's unit.
+/// From motions about the target's mean, in units and the data's axes, to motions about its origin in the data's unit.
 fn in_data(matrix: &Matrix6<f64>, unit: f64, center: &Vector3<f64>) -> Matrix6<f64> {
     let mut change = Matrix6::identity() * unit;
     let turn: Matrix3<f64> = center.cross_matrix();

@@ -2,11 +2,12 @@
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 use crate::error::{Error, Result, positive};
 use crate::execution::Execution;
 use crate::features::harris3d::check_normals;
+use crate::geometry::own_axes::{OwnFrame, own_axes};
 use crate::geometry::rigid::Rigid;
 use crate::memory;
 use crate::points::Points;
@@ -45,7 +46,7 @@ pub enum Side {
 #[derive(Debug)]
 pub struct Surface {
     unit: f64,
-    center: Vector3<f64>,
+    frame: OwnFrame,
     radius: f32,
     oriented: bool,
     elements: Vec<Element>,
@@ -74,8 +75,9 @@ impl Surface {
         let unit = positive("unit", unit)?;
         check_normals(points, Some(normals))?;
         check_span(points, unit)?;
-        let eye = viewpoint(points, unit, side)?;
-        let elements = elements(points, normals, unit)?;
+        let frame = OwnFrame { axes: own_axes(points), center: points.center() };
+        let eye = viewpoint(&frame, unit, side)?;
+        let elements = elements(points, normals, unit, &frame.axes)?;
         execution.check()?;
         let normals = memory::collect(elements.iter().map(|element| element.normal))?;
         let oriented = side != Side::Unknown;
@@ -88,7 +90,7 @@ impl Surface {
         let places = memory::collect(elements.iter().map(|element| element.point))?;
         Ok(Self {
             unit,
-            center: points.center(),
+            frame,
             radius: root_mean_square(&places),
             oriented,
             samples: in_groups(drawn.iter().map(|&i| elements[i as usize]))?,
@@ -115,23 +117,23 @@ impl Surface {
         self.unit
     }
 
-    /// Mean of the points.
-    pub fn center(&self) -> Vector3<f64> {
-        self.center
+    /// The points' own axes, about their mean: the frame of the elements, the grids and the ranges, in units.
+    pub(super) fn frame(&self) -> &OwnFrame {
+        &self.frame
     }
 
     /// A pose of the data onto another surface, in the surfaces' coordinates.
     pub(super) fn pose_onto(&self, target: &Self, pose: &Rigid) -> Pose {
-        let moved = pose.rotation * self.center + pose.translation - target.center;
-        let translation = (moved / self.unit).map(|length| length as f32);
+        let pose = self.frame.pose_onto(&target.frame, pose);
+        let translation = (pose.translation / self.unit).map(|length| length as f32);
         Pose { rotation: pose.rotation.map(|number| number as f32), translation }.orthonormal()
     }
 
     /// A pose onto another surface in the coordinates of the data.
     pub(super) fn pose_in_data(&self, target: &Self, pose: &Pose) -> Rigid {
         let rotation = nearest_rotation(&pose.rotation.map(f64::from));
-        let shift = pose.translation.map(f64::from) * self.unit;
-        Rigid { rotation, translation: shift + target.center - rotation * self.center }
+        let translation = pose.translation.map(f64::from) * self.unit;
+        self.frame.pose_in_data(&target.frame, &Rigid { rotation, translation })
     }
 
     /// Root mean square distance of the points from their mean, in units.
@@ -204,9 +206,9 @@ fn check_span(points: &Points, unit: f64) -> Result<()> {
 }
 
 /// The viewpoint in the surface's coordinates.
-fn viewpoint(points: &Points, unit: f64, side: Side) -> Result<Option<Vector3<f32>>> {
+fn viewpoint(frame: &OwnFrame, unit: f64, side: Side) -> Result<Option<Vector3<f32>>> {
     let Side::Viewpoint(viewpoint) = side else { return Ok(None) };
-    let eye = (Vector3::from(viewpoint) - points.center()) / unit;
+    let eye = frame.axes * (Vector3::from(viewpoint) - frame.center) / unit;
     if eye.norm() <= MOST_RANGE {
         return Ok(Some(eye.map(|number| number as f32)));
     }
@@ -214,10 +216,15 @@ fn viewpoint(points: &Points, unit: f64, side: Side) -> Result<Option<Vector3<f3
     Err(Error::invalid("viewpoint", format!("{viewpoint:?}"), remedy))
 }
 
-fn elements(points: &Points, normals: &[Vector3<f64>], unit: f64) -> Result<Vec<Element>> {
+fn elements(
+    points: &Points,
+    normals: &[Vector3<f64>],
+    unit: f64,
+    axes: &Matrix3<f64>,
+) -> Result<Vec<Element>> {
     let element = |(i, normal): (usize, &Vector3<f64>)| Element {
-        point: (points.get(i).coords / unit).map(|number| number as f32),
-        normal: unit_length(normal).map(|number| number as f32),
+        point: (axes * points.get(i).coords / unit).map(|number| number as f32),
+        normal: (axes * unit_length(normal)).map(|number| number as f32),
     };
     memory::collect(normals.iter().enumerate().map(element))
 }

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .neighborhood import FloatArray
+from .own_axes import own_axes
 from .voxels import voxel_downsample
 
 PLANE_RADIUS, LEAST_POINTS, LEAST_WIDTH = 2.4, 6, 0.01
@@ -20,8 +21,12 @@ OPEN = 0.01
 
 @dataclass
 class FineSurface:
-    """Points, and the places among them that have a plane: foot, normal, deviation. Relative to the mean, in spacings."""
+    """Points, and the places among them that have a plane: foot, normal, deviation.
 
+    Relative to the mean, in spacings, along the cloud's own axes.
+    """
+
+    axes: FloatArray
     center: FloatArray
     points: FloatArray
     feet: FloatArray
@@ -57,12 +62,14 @@ class Alignment:
 
 def fine_surface(cloud: FloatArray, spacing: float) -> FineSurface:
     """Thin out a cloud, and fit a plane around every point."""
-    means = voxel_downsample(cloud, np.zeros_like(cloud), spacing)[0]
+    axes, middle = own_axes(cloud), cloud.mean(axis=0)
+    means = voxel_downsample((cloud - middle) @ axes.T, np.zeros_like(cloud), spacing)[0]
     center = means.mean(axis=0)
     points = (means - center) / spacing
+    center = middle + center @ axes
     planes = [plane for point in points if (plane := _plane(point, points)) is not None]
     feet, normals, deviations = (np.array(column) for column in zip(*planes, strict=True))
-    return FineSurface(center, points, feet, normals, deviations, spacing)
+    return FineSurface(axes, center, points, feet, normals, deviations, spacing)
 
 
 def _plane(point: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray, float] | None:
@@ -80,8 +87,7 @@ def _plane(point: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArra
 
 def align(source: FineSurface, target: FineSurface, pose: FloatArray) -> Alignment:
     """Point-to-plane steps both ways, with Tukey's weights and a reach that shrinks."""
-    rotation = pose[:3, :3]
-    shift = (rotation @ source.center + pose[:3, 3] - target.center) / target.spacing
+    rotation, shift = in_spacings(source, target, pose)
     settled, radius = False, _radius(source, target)
     for step in range(FIRST_STEPS + LAST_STEPS):
         share = min(step / FIRST_STEPS, 1.0)
@@ -100,6 +106,12 @@ def align(source: FineSurface, target: FineSurface, pose: FloatArray) -> Alignme
         if settled:
             break
     return _alignment(source, target, rotation, shift, settled=settled)
+
+
+def in_spacings(source: FineSurface, target: FineSurface, pose: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Rotation and shift from the frame of one surface into that of the other."""
+    shift = pose[:3, :3] @ source.center + pose[:3, 3] - target.center
+    return target.axes @ pose[:3, :3] @ source.axes.T, target.axes @ shift / target.spacing
 
 
 def _radius(source: FineSurface, target: FineSurface) -> float:
@@ -161,8 +173,8 @@ def _alignment(
 ) -> Alignment:
     unit, pairs = target.spacing, pair(source, target, rotation, shift, FIRST_REACH)
     pose = np.eye(4)
-    pose[:3, :3] = rotation
-    pose[:3, 3] = shift * unit + target.center - rotation @ source.center
+    pose[:3, :3] = target.axes.T @ rotation @ source.axes
+    pose[:3, 3] = target.axes.T @ shift * unit + target.center - pose[:3, :3] @ source.center
     samples = len(source.feet) + len(target.feet)
     paired, residuals, deviations = (
         len(pairs.residuals) / samples,
@@ -176,7 +188,7 @@ def _alignment(
     scaled = jacobian / np.array([_radius(source, target)] * 3 + [1.0] * 3)
     resistance = np.linalg.eigvalsh(scaled.T @ (weights[:, None] * scaled))[0] / weights.sum()
     # About the target's own origin, in the unit of the data.
-    places = near.places * unit + target.center
-    jacobian = np.hstack([np.cross(places, near.normals), near.normals])
+    places, normals = near.places @ target.axes * unit + target.center, near.normals @ target.axes
+    jacobian = np.hstack([np.cross(places, normals), normals])
     information = jacobian.T @ (weights[:, None] * jacobian)
     return Alignment(pose, residuals, deviations, paired, information, resistance, settled)

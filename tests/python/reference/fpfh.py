@@ -7,6 +7,7 @@ import numpy as np
 from .neighborhood import FloatArray, ball
 
 BINS = 11
+TIE = 1e-6
 
 
 def fpfh(
@@ -55,16 +56,18 @@ def simple_histogram(
 
 
 def pair_angles(line: FloatArray, normal: FloatArray, other: FloatArray) -> tuple[float, float, float] | None:
-    """Angles in the Darboux frame of the point whose normal is closer to the line; None without one."""
+    """Angles in the Darboux frame of the point whose normal is closer to the line, the first of equal ones."""
     length = np.linalg.norm(line)
     if length == 0:
         return None
     direction = line / length
-    if abs(normal @ direction) < abs(other @ direction):
+    if abs(normal @ direction) < (1 - TIE) * abs(other @ direction):
         direction, normal, other = -direction, other, normal
     across = np.cross(direction, normal)
     if not across.any():
         return None
     v = across / np.linalg.norm(across)
     w = np.cross(normal, v)
-    return float(np.arctan2(w @ other, normal @ other)), float(v @ other), float(normal @ direction)
+    y, x = w @ other, normal @ other
+    theta = np.arctan2(0.0 if abs(y) <= TIE * abs(x) else y, x)
+    return float(theta), float(v @ other), float(normal @ direction)

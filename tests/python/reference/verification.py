@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .own_axes import own_axes
 from .result import BoolArray, FloatArray
 
 CELL, REACH = 1.0, 4.0
@@ -20,8 +21,9 @@ DOUBT = 2e-3
 
 @dataclass
 class Surface:
-    """Points relative to their mean in units, unit normals (zero for none), the viewpoint likewise."""
+    """Points relative to their mean in units, along their own axes, unit normals (zero for none), the viewpoint likewise."""
 
+    axes: FloatArray
     center: FloatArray
     points: FloatArray
     normals: FloatArray
@@ -38,12 +40,13 @@ def surface(
     viewpoint: FloatArray | None = None,
     oriented: bool = False,
 ) -> Surface:
-    center = points.mean(axis=0)
+    axes, center = own_axes(points), points.mean(axis=0)
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     known = np.isfinite(length) & (length > 0)
     directions = np.where(known, normals / np.where(known, length, 1), 0)
-    eye = None if viewpoint is None else (np.asarray(viewpoint) - center) / unit
-    return Surface(center, (points - center) / unit, directions, eye, oriented or eye is not None, unit)
+    eye = None if viewpoint is None else axes @ (np.asarray(viewpoint) - center) / unit
+    local = (points - center) @ axes.T / unit, directions @ axes.T
+    return Surface(axes, center, *local, eye, oriented or eye is not None, unit)
 
 
 def score(source: Surface, target: Surface, pose: FloatArray) -> tuple[float, float]:
@@ -54,8 +57,8 @@ def score(source: Surface, target: Surface, pose: FloatArray) -> tuple[float, fl
 
 
 def in_units(source: Surface, target: Surface, pose: FloatArray) -> tuple[FloatArray, FloatArray]:
-    rotation = pose[:3, :3]
-    return rotation, (rotation @ source.center + pose[:3, 3] - target.center) / source.unit
+    shift = pose[:3, :3] @ source.center + pose[:3, 3] - target.center
+    return target.axes @ pose[:3, :3] @ source.axes.T, target.axes @ shift / source.unit
 
 
 def one_way(from_: Surface, to: Surface, rotation: FloatArray, shift: FloatArray) -> tuple[float, float]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from cgroup import features
 from cgroup._checks.arrays import as_place
 from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.quoting import show
@@ -12,6 +11,7 @@ from cgroup._checks.values import as_count, as_named
 from cgroup._runtime.memory import report_refused_memory
 from cgroup._runtime.progress import StageClock, as_stage_function
 from cgroup.errors import InputError
+from cgroup.features.voxels import choose_thinning
 from cgroup.registration.prepare import PreparedScan, agree, as_given
 from cgroup.registration.recognition.instances import InstanceSearch
 from cgroup.registration.scan import as_model, as_point_cloud, as_viewpoint
@@ -260,7 +260,7 @@ def _choose_voxel(scene: Given, models: Sequence[Given], threads: int | None) ->
     """Choose the usual voxel of a scene, or a smaller one that its smallest model needs."""
 
     def voxel(cloud: Given, voxels: int) -> float:
-        return features.choose_voxel(cloud.whole.cloud, voxels=voxels, threads=threads)
+        return choose_thinning(cloud.whole.cloud, voxels=voxels, threads=threads)
 
     needed = min(voxel(model, _MODEL_VOXELS) for model in models)
     return max(min(needed, voxel(scene, _SCENE_VOXELS)), voxel(scene, _MOST_SCENE_VOXELS))
