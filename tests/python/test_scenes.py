@@ -107,34 +107,46 @@ def test_wrong_poses_are_dropped_where_half_are_wrong(seed):
     pairs = [(other, one) for one, other in itertools.combinations(range(12), 2)]
     wrong = {pairs[row] for row in rng.choice(len(pairs), len(pairs) // 2, replace=False)}
     links = links_of(rng, poses, wrong)
-    decision = decide(links, dict.fromkeys(links, 0.95), np.zeros((12, 3)), 0.1)
+    decision = decide(links, dict.fromkeys(links, 0.95), (), np.zeros((12, 3)), 0.1)
     assert not wrong & set(decision.kept)
     main = decision.components[0]
     right = [invert(poses[main[0]]) @ poses[row] for row in main]
     assert np.abs(decision.poses[main] - right).max() < 1e-3
 
 
-def test_triangles_tell_the_wrong_from_the_right():
+def weighed(wrong, overlap, count=6):
+    """Probabilities of poses that are .6 likely by themselves; whether each is one of the wrong ones."""
     rng = np.random.default_rng(0)
-    poses = np.array([some_pose(rng) for _ in range(6)])
-    links = links_of(rng, poses, {(3, 1), (5, 2)})
-    pairs = np.array(sorted(links))
+    links = links_of(rng, np.array([some_pose(rng) for _ in range(count)]), wrong)
+    pairs = sorted(links)
     measured, spread = (
-        np.array([getattr(links[pair], name) for pair in sorted(links)]) for name in ("pose", "covariance")
+        np.array([getattr(links[pair], name) for pair in pairs]) for name in ("pose", "covariance")
     )
-    chances = weigh_by_triangles(pairs, measured, spread, np.full(len(pairs), 0.6), np.zeros((6, 3)), 0.1)
-    is_wrong = np.array([pair in {(3, 1), (5, 2)} for pair in sorted(links)])
+    prior, shares = np.full(len(pairs), 0.6), np.full(len(pairs), overlap)
+    told = weigh_by_triangles(np.array(pairs), measured, spread, prior, shares, np.zeros((count, 3)), 0.1)
+    return told, np.array([pair in wrong for pair in pairs])
+
+
+def test_triangles_tell_the_wrong_from_the_right():
+    chances, is_wrong = weighed({(3, 1), (5, 2)}, 0.2)
     assert chances[is_wrong].max() < 0.05
     assert chances[~is_wrong].min() > 0.95
 
 
+def test_scans_that_show_the_same_confirm_nothing():
+    assert weighed(set(), 0.02, 4)[0].min() > 0.98
+    assert weighed(set(), 1.0, 4)[0] == pytest.approx(np.full(6, 0.6))
+    assert weighed(set(), 0.9, 4)[0].max() < 0.7
+
+
 def test_doubtful_poses_join_no_two_parts():
     pairs = np.array([(1, 0), (2, 1), (4, 3), (5, 4), (3, 0), (4, 1)])
-    sure = np.array([0.99, 0.99, 0.99, 0.99, 0.6, 0.6])
-    assert hang_firmly(pairs, sure, 6).tolist() == [True, True, True, True, False, False]
-    sure[4:] = 0.85  # together as good as one that is sure
-    assert hang_firmly(pairs, sure, 6).all()
-    assert hang_firmly(pairs[:1], np.array([0.6]), 2).all()
+    sure = np.array([0.99, 0.99, 0.99, 0.99, 0.85, 0.85])
+    firm = sure > 0.9
+    assert hang_firmly(pairs, sure, firm, 6).tolist() == [True, True, True, True, False, False]
+    firm[4] = True  # by a union
+    assert hang_firmly(pairs, sure, firm, 6).all()
+    assert hang_firmly(pairs[:1], np.array([0.6]), np.array([False]), 2).all()
 
 
 def test_a_scan_that_others_contradict_is_linked_with_none():

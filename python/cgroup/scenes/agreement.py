@@ -98,13 +98,16 @@ def weigh_by_triangles(
     poses: FloatArray,
     covariance: FloatArray,
     prior: FloatArray,
+    overlap: FloatArray,
     middles: FloatArray,
     voxel: float,
 ) -> FloatArray:
     """Return the probability that each pose is right, given which triangles of poses close.
 
-    A triangle closes if all three are right; else by chance, in one of 50 cases. Probabilities of the other
-    two are those of the round before (loopy belief propagation).
+    A triangle closes if all three are right; else by chance, in one of 50 cases. Where two of its scans show
+    the same, their poses on the third are wrong for the same reason, and close with it: the chance is then
+    the overlap of the two. Probabilities of the other two poses are those of the round before (loopy belief
+    propagation).
 
     Parameters
     ----------
@@ -116,6 +119,8 @@ def weigh_by_triangles(
         Of each, in the target's frame.
     prior : (m,) array of float64
         Probabilities that the two scans alone tell.
+    overlap : (m,) array of float64
+        Share of the two surfaces that lies on each other under each pose.
     middles : (N,3) array of float64
         Of the scans.
     voxel : float
@@ -142,7 +147,8 @@ def weigh_by_triangles(
         updated = logits.copy()
         for own, others in ((0, (1, 2)), (1, (0, 2)), (2, (0, 1))):
             both = chances[triangles[:, others[0]]] * chances[triangles[:, others[1]]]
-            told = np.where(closes, np.log(both / _BY_CHANCE + 1 - both), np.log1p(-both))
+            alike = np.clip(overlap[triangles[:, others]].max(axis=1), _BY_CHANCE, 1.0)
+            told = np.where(closes, np.log(both / alike + 1 - both), np.log1p(-both))
             np.add.at(updated, triangles[:, own], told)
         beliefs = np.clip(0.5 * (beliefs + updated), -30, 30)
     return 1.0 / (1.0 + np.exp(-beliefs))

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cgroup._runtime.progress import StageClock, ignore_progress
-from cgroup.registration.judge import ACCEPTED, SURE
+from cgroup.registration.judge import SURE, is_accepted
 from cgroup.registration.motions import adjoint
 from cgroup.rigid import invert
-from cgroup.scenes.agreement import DISAGREES, SHIFT, TURN, squared_errors, weigh_by_triangles
-from cgroup.scenes.decide import Decision, anchor, decide, graph_of, weigh_residuals
+from cgroup.scenes.agreement import DISAGREES, SHIFT, TURN, weigh_by_triangles
+from cgroup.scenes.decide import FIRM, Decision, anchor, decide, graph_of, weigh_residuals
 from cgroup.scenes.join import Join, cross_tasks, link_unions, propose_joins, task_of, weigh_join
 from cgroup.scenes.links import Link, link, weigh_pose
 from cgroup.scenes.partners import choose_partners, describe_scans
@@ -21,7 +21,7 @@ from cgroup.scenes.refine import find_overlapping, lay_on_each_other, lay_on_uni
 from cgroup.scenes.scene import Edge, Scene
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from cgroup.registration import PreparedScan
     from cgroup.registration.search import Effort
@@ -61,12 +61,13 @@ class Building:
         self._chances: dict[tuple[int, int], float] = {}
         self._tried: set[tuple[int, int]] = set()
         self._seen: set[tuple[int, int]] = set()  # links that the surfaces do not deny
+        self._firm: set[tuple[int, int]] = set()  # links of unions that were joined, and those within them
         self._decision = self._decide()
 
     def _decide(self) -> Decision:
         """Decide on all links; those that are kept, but that the surfaces deny, are left out."""
         while True:
-            decision = decide(self._links, self._chances, self._middles, self._voxel)
+            decision = decide(self._links, self._chances, self._firm, self._middles, self._voxel)
             unseen = [pair for pair in decision.kept if pair not in self._seen]
             self._seen.update(unseen)
             told = self._call(weigh_pose, [(pair, (self._links[pair].pose,)) for pair in unseen])
@@ -132,7 +133,7 @@ class Building:
         clock = StageClock(ignore_progress)
         grown = Building([*self.scans, scan], call, self._axis, self._effort, clock)
         grown._links, grown._chances = dict(self._links), dict(self._chances)
-        grown._tried, grown._seen = set(self._tried), set(self._seen)
+        grown._tried, grown._seen, grown._firm = set(self._tried), set(self._seen), set(self._firm)
         row = len(self.scans)
         order = list(range(row))
         if row >= ALL_PAIRS:
@@ -155,50 +156,34 @@ class Building:
             asked.update(join.parts for join in joins)
             tasks = [task_of(join, self._decision, self._axis, self._effort) for join in joins]
             unions = self._call(link_unions, tasks)
-            before = len(self._chances)
+            before = len(self._firm)
             for join, union in zip(joins, unions, strict=True):
-                if union is not None and self._is_confirmed(join, union):
-                    self._add(join.source, join.target, union)
-            if joins and len(self._decision.components) > 1:
-                self._decision = self._decide()
-            if not joins or len(self._chances) == before:
+                if union is not None and is_accepted(chance := self._weigh(join, union)):
+                    self._add(join, union, chance)
+            if len(self._firm) == before:
                 return
+            self._decision = self._decide()
 
-    def _is_confirmed(self, join: Join, union: Link) -> bool:
-        """Whether the pairs across a join speak for it."""
-        tasks = cross_tasks(join, self._decision, union.pose)
-        told = self._call(weigh_pose, tasks)
-        agreeing = [self._agreeing(pair, *expected) for pair, expected in tasks]
-        across = [
-            max(
-                (one for one in both if one is not None),
-                key=lambda one: one.probability,
-                default=None,
-            )
-            for both in zip(told, agreeing, strict=True)
-        ]
-        return weigh_join(union, across, [one for one in agreeing if one is not None]) > 0
+    def _weigh(self, join: Join, union: Link) -> float:
+        """Return the probability of a join."""
+        if not is_accepted(float(union.chances.sum())):  # which bounds it
+            return 0.0
+        tasks = [cross_tasks(join, self._decision, pose) for pose in union.poses]
+        told = self._call(weigh_pose, [task for some in tasks for task in some])
+        step = len(tasks[0])
+        return weigh_join(union, [told[at : at + step] for at in range(0, len(told), step)])
 
-    def _agreeing(self, pair: tuple[int, int], expected: FloatArray) -> Link | None:
-        """Return what the search of a pair has found, if that is an expected pose."""
-        found = self._links.get(pair)
-        back = self._links.get((pair[1], pair[0]))
-        if found is None and back is not None:
-            found = back.turned
-        if found is None:
-            return None
-        error = squared_errors(
-            found.pose[None], expected[None], found.covariance[None], self._middles[[pair[0]]], self._voxel
-        )
-        return found if error[0] < DISAGREES else None
-
-    def _add(self, source: int, target: int, union: Link) -> None:
-        """Link two scans by the pose of their unions."""
-        pair = (source, target)
-        if (target, source) in self._links:
-            pair, union = (target, source), union.turned
-        self._links[pair], self._chances[pair] = union, max(union.probability, SURE)
+    def _add(self, join: Join, union: Link, chance: float) -> None:
+        """Link two scans by the pose of their unions, which hold together from now on."""
+        pair = (join.source, join.target)
+        if (join.target, join.source) in self._links:
+            pair, union = (join.target, join.source), union.turned
+        self._links[pair], self._chances[pair] = union, chance
         self._seen.add(pair)
+        within = (set(part) for part in join.parts)
+        self._firm.update(
+            (pair, *(each for part in within for each in self._decision.kept if part.issuperset(each)))
+        )
 
     # --- refinement ------------------------------------------------------------------------------------
 
@@ -207,7 +192,7 @@ class Building:
         self._join()
         self._clock.start("refinement")
         agreeing = {pair for pair, error in self._residuals().items() if error < DISAGREES}
-        kept = {pair: self._decision.kept.get(pair, 0.0) for pair in {*agreeing, *self._decision.kept}}
+        kept = self._weigh_kept(sorted({*agreeing, *self._decision.kept}))
         pairs = find_overlapping(self.scans, self._decision, kept)
         laid = lay_on_each_other(self._call, pairs, self._decision, self._middles, self._voxel)
         laid = {pair: self._links[pair] for pair in kept} | laid
@@ -253,21 +238,39 @@ class Building:
             (_EXACT * TURN, _EXACT * SHIFT * self._voxel),
         )
 
-    def _edges(self, kept: dict[tuple[int, int], float]) -> list[Edge]:
+    def _weigh_kept(self, kept: Sequence[tuple[int, int]]) -> dict[tuple[int, int], float]:
+        """Return the probability of each link that agrees with the scene, as all of them together tell."""
+        posterior = weigh_by_triangles(
+            np.array(kept, dtype=np.int64).reshape(-1, 2),
+            np.array([self._links[pair].pose for pair in kept]).reshape(-1, 4, 4),
+            np.array([self._links[pair].covariance for pair in kept]).reshape(-1, 6, 6),
+            np.array([self._chances[pair] for pair in kept]),
+            np.array([self._links[pair].overlap for pair in kept]),
+            self._middles,
+            self._voxel,
+        )
+        decided = self._decision.kept
+        return {
+            pair: max(chance, decided.get(pair, 0.0))
+            for pair, chance in zip(kept, posterior.tolist(), strict=True)
+        }
+
+    def _edges(self, kept: Mapping[tuple[int, int], float]) -> list[Edge]:
         """Return what was accepted, and what the others bring back."""
         edges: list[Edge] = []
         residuals = self._residuals()
         for pair, found in sorted(self._links.items()):
-            if pair not in kept and not found.is_accepted:
+            chance = kept.get(pair, found.probability)
+            if not is_accepted(chance):
                 continue
-            residual, reason = np.nan, "doubtful poses alone don't join components"
-            if pair in residuals:
-                residual, reason = residuals[pair] ** 0.5, "the other scans contradict it"
+            residual = residuals[pair] ** 0.5 if pair in residuals else np.nan
+            is_doubtful = np.isnan(residual) and chance < FIRM
+            reason = "doubtful poses join no components" if is_doubtful else "the other scans contradict it"
             edges.append(
                 Edge(
                     *pair,
                     found.pose,
-                    found.probability,
+                    chance,
                     found.covariance,
                     found.fitness,
                     found.target_fitness,
@@ -278,19 +281,10 @@ class Building:
             )
         return edges
 
-    def _probabilities(self, kept: dict[tuple[int, int], float]) -> FloatArray:
+    def _probabilities(self, kept: Mapping[tuple[int, int], float]) -> FloatArray:
         """Return the least probable link on the best way from the first scan of its component to each."""
-        rows = sorted(kept)
-        posterior = weigh_by_triangles(
-            np.array(rows, dtype=np.int64).reshape(-1, 2),
-            np.array([self._links[pair].pose for pair in rows]).reshape(-1, 4, 4),
-            np.array([self._links[pair].covariance for pair in rows]).reshape(-1, 6, 6),
-            np.array([max(kept[pair], ACCEPTED) for pair in rows]),
-            self._middles,
-            self._voxel,
-        )
         beside: list[list[tuple[int, float]]] = [[] for _ in self.scans]
-        for (one, other), chance in zip(rows, posterior.tolist(), strict=True):
+        for (one, other), chance in kept.items():
             beside[one].append((other, chance))
             beside[other].append((one, chance))
         reached = np.zeros(len(self.scans))

@@ -15,7 +15,7 @@ from cgroup.scenes.agreement import SHIFT, TURN, squared_errors, weigh_by_triang
 from cgroup.scenes.pose_graph import PoseGraph
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Collection, Mapping
 
     from cgroup.scenes.links import Link
     from cgroup.types import BoolArray, FloatArray, IndexArray
@@ -59,6 +59,7 @@ class Decision:
 def decide(
     links: Mapping[tuple[int, int], Link],
     chances: Mapping[tuple[int, int], float],
+    firm: Collection[tuple[int, int]],
     middles: FloatArray,
     voxel: float,
 ) -> Decision:
@@ -73,7 +74,8 @@ def decide(
     measured = np.array([links[pair].pose for pair in rows]).reshape(-1, 4, 4)
     spread = np.array([links[pair].covariance for pair in rows]).reshape(-1, 6, 6)
     prior = np.array([chances[pair] for pair in rows])
-    posterior = weigh_by_triangles(pairs, measured, spread, prior, middles, voxel)
+    overlap = np.array([links[pair].overlap for pair in rows])
+    posterior = weigh_by_triangles(pairs, measured, spread, prior, overlap, middles, voxel)
     likely = posterior >= ACCEPTED
     start, _ = follow_best(pairs[likely], measured[likely], posterior[likely], count)
     graph = graph_of(start, pairs, measured, spread, posterior, middles, (TURN, SHIFT * voxel)).optimize(
@@ -81,7 +83,8 @@ def decide(
     )
     kept = graph.kept & likely
     kept = drop_contradicted(pairs, kept, prior, posterior, count)
-    kept[kept] = hang_firmly(pairs[kept], prior[kept], count)
+    is_firm = (prior >= FIRM) | np.array([pair in firm for pair in rows], dtype=bool)
+    kept[kept] = hang_firmly(pairs[kept], prior[kept], is_firm[kept], count)
     poses, labels = follow_best(pairs[kept], measured[kept], posterior[kept], count)
     graph = graph_of(
         poses, pairs[kept], measured[kept], spread[kept], posterior[kept], middles, (TURN, SHIFT * voxel)
@@ -144,23 +147,13 @@ def drop_contradicted(
     return kept & (sums[pairs] > 0).all(axis=1)
 
 
-def hang_firmly(pairs: IndexArray, prior: FloatArray, count: int) -> BoolArray:
-    """Tell the links that don't join, by doubtful poses alone, what hangs together without them.
+def hang_firmly(pairs: IndexArray, prior: FloatArray, firm: BoolArray, count: int) -> BoolArray:
+    """Tell the links within the parts that hang together by firm links.
 
     Poses that are wrong for the same reason, as those of a shape on its mirror image, agree with each other
-    however many they are. So the links between two parts are to be as sure together as one that is sure by
-    itself. Two single scans hang together by any.
+    however many they are. So doubtful ones join no parts. Two single scans hang together by any.
     """
-    labels = np.arange(count)
-    while True:
-        sides = np.sort(labels[pairs], axis=1)
-        apart = np.flatnonzero(sides[:, 0] != sides[:, 1])
-        parts, rows = np.unique(sides[apart], axis=0, return_inverse=True)
-        sums = np.bincount(rows.reshape(-1), _nats(prior[apart]), len(parts))
-        if len(parts) == 0 or sums.max() < _nats(np.array(FIRM)):
-            break
-        least, most = parts[np.argmax(sums)]
-        labels[labels == most] = least
+    _, labels = follow_best(pairs[firm], np.tile(np.eye(4), (int(firm.sum()), 1, 1)), prior[firm], count)
     single = np.bincount(labels, minlength=count)[labels] == 1
     for row in np.argsort(-prior, kind="stable").tolist():
         one, other = pairs[row]

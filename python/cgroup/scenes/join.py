@@ -34,8 +34,7 @@ _AGREEING = 0.1  # worth of a pose that agrees with another, beside its chance
 _FINEST = 1 / 3  # voxels between the points of a union, as its fine surface needs them
 _PROPOSED = 3
 _TELLING = 0.3  # share of both surfaces from which a pair that does not fit speaks against
-_MOST_NATS = 2.0
-_CONFIRMED = 1.5  # nats of a search that came to the same pose
+_MOST_NATS, _MOST_NATS_OF_UNIONS = 2.0, 10.0
 
 
 class Join(NamedTuple):
@@ -80,9 +79,10 @@ def propose_joins(
 ) -> list[Join]:
     """Propose where components may lie in each other, the likeliest first: by poses that links leave open."""
     hypotheses: dict[tuple[int, int], list[tuple[float, tuple[int, int], FloatArray]]] = {}
+    sizes = np.bincount(decision.labels)
     for (source, target), found in sorted(links.items()):
         one, other = int(decision.labels[source]), int(decision.labels[target])
-        if one == other:
+        if one == other or sizes[one] + sizes[other] == 2:  # two single scans show what their pair does
             continue
         for pose, chance in zip(found.poses, found.chances.tolist(), strict=True):
             if chance < _LEAST_CHANCE:
@@ -157,32 +157,29 @@ def cross_tasks(
     ]
 
 
-def weigh_join(union: Link, across: Sequence[Link | None], agreeing: Sequence[Link]) -> float:
-    """Weigh a join in nats: what the unions tell, each pair across, and the searches that came to it.
+def weigh_join(union: Link, across: Sequence[Sequence[Link | None]]) -> float:
+    """Return the probability that the best pose of two unions is right.
 
-    Shapes that resemble each other fit here and there; the same shape fits wherever two scans overlap. What
-    two scans share too little of speaks for the join only.
+    It is at most what the unions leave for all of their poses together. A pose that no pair across fits is
+    no rival. Pairs see the surfaces of their union and of each other, so that their evidence does not add
+    up. Pairs that share much, but do not fit where the best pose puts them, lower the probability.
 
     Parameters
     ----------
     union : Link
         Of the two unions.
-    across : sequence of Link or None
-        What each pair tells where the join puts it.
-    agreeing : sequence of Link
-        Pairs whose own search ended there.
+    across : sequence of sequence of Link or None
+        For each pose of the union the evidence of each pair where it puts them.
     """
-    total = _nats(union.probability, 2 * _MOST_NATS)
-    for found in across:
-        if found is not None:
-            told = _nats(found.probability, _MOST_NATS)
-            total += told if _tells(found) else max(told, 0.0)
-    confirming = sum(found.is_accepted or not _tells(found) for found in agreeing) - 1  # the first proposes
-    return total + _CONFIRMED * min(max(confirming, 0), 2)
-
-
-def _tells(found: Link) -> bool:
-    return min(found.fitness, found.target_fitness) >= _TELLING
+    told = [[found for found in some if found is not None] for some in across]
+    best = np.array([max((found.probability for found in some), default=0.0) for some in told])
+    weights = union.chances * np.maximum(best, _LEAST_CHANCE)
+    among = union.chances.sum() * weights[0] / weights.sum()
+    against = sum(
+        nats if found.overlap >= _TELLING else max(nats, 0.0)
+        for found, nats in ((found, _nats(found.probability, _MOST_NATS)) for found in told[0])
+    )
+    return float(1.0 / (1.0 + np.exp(-_nats(among, _MOST_NATS_OF_UNIONS) - min(against, 0.0))))
 
 
 def _nats(probability: float, most: float) -> float:

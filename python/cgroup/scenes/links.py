@@ -10,7 +10,7 @@ import numpy as np
 from cgroup._runtime.progress import StageClock, ignore_progress
 from cgroup.registration.confirm import confirm_pose
 from cgroup.registration.covariance import covariance_of
-from cgroup.registration.judge import is_accepted, share_probability
+from cgroup.registration.judge import bound_by_motions, is_accepted, share_probability
 from cgroup.registration.motions import adjoint
 from cgroup.registration.search import Search
 from cgroup.rigid import invert
@@ -55,6 +55,11 @@ class Link:
         return float(self.chances[0])
 
     @property
+    def overlap(self) -> float:
+        """Share of both surfaces that lies on each other under the best pose."""
+        return min(self.fitness, self.target_fitness)
+
+    @property
     def is_accepted(self) -> bool:
         """Whether the two scans alone tell that the best pose is right."""
         return is_accepted(self.probability)
@@ -84,6 +89,8 @@ def link(
     _, shares = share_probability(found.cases[0], found.cases[1:])
     chances = found.probability * np.concatenate([[1.0], np.minimum(shares, 1.0)])
     covariance = covariance_of(found.refined, found.source, found.target)
+    total = chances.sum()
+    chances *= bound_by_motions(total, found.motions) / total  # whichever of the poses is the best
     places = np.concatenate([found.refined.T_target_source[None], found.places[1:]])
     return Link(places, chances, covariance, found.fitness, found.target_fitness)
 

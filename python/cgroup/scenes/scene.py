@@ -45,7 +45,8 @@ class Edge:
     T_target_source : (4,4) array of float64
         Maps source points into the target's frame.
     probability : float
-        That it is right, as the two scans alone tell.
+        That it is right: of a kept edge by the evidence of all scans, of a dropped one by that of its two
+        scans alone.
     covariance : (6,6) array of float64
         Of (rotation vector, translation) in the target's frame, as for `Registration.covariance`.
     fitness, target_fitness : float
@@ -95,7 +96,8 @@ class Scene:
     edges : list of Edge
         Every pair whose pose was accepted, or brought back by the others.
     probability : (N,) array of float64
-        That each scan is placed right; 1 for the first of each component, NaN for scans that were left out.
+        That each scan is placed right: the least probable edge on the best way from the first scan of its
+        component, which has 1. NaN for scans that were left out.
     covariance : (N,6,6) array of float64
         Of each pose, of (rotation vector, translation) in the frame of its component.
     names : list of str
