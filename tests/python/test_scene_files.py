@@ -9,6 +9,7 @@ from placed_scenes import PAIR, edge, known_scene, thin_scene, turned
 
 from cgroup import InputError
 from cgroup.io import read_cloud, read_transforms, write_cloud
+from cgroup.io._names import find_names
 from cgroup.registration import prepare
 from cgroup.rigid import invert
 from cgroup.scenes import PoseGraph
@@ -88,9 +89,38 @@ def test_rows_of_poses_are_those_of_the_scans(tmp_path: Path) -> None:
     scene = known_scene(components=[[1, 3], [0], [2]], edges=[])
     scene.write(tmp_path / "a.tum")
     lines = (tmp_path / "a.tum").read_text().splitlines()
-    assert [line.split()[0] for line in lines] == ["#", "1", "3"]
+    assert [line.split()[0] for line in lines if line[0] != "#"] == ["1", "3"]
     scene.write(tmp_path / "b.tum", component=1)
-    assert (tmp_path / "b.tum").read_text().splitlines()[1:] == ["0 0.0 0.0 0.0 0.0 0.0 0.0 1.0"]
+    assert (tmp_path / "b.tum").read_text().splitlines()[5:] == ["0 0.0 0.0 0.0 0.0 0.0 0.0 1.0"]
+
+
+@pytest.mark.parametrize("suffix", [".tum", ".kitti", ".log", ".g2o", ".json"])
+@pytest.mark.parametrize("components", [[[0, 1, 2, 3]], [[0, 2]], [[1, 3], [0, 2]], [[2, 3, 1]]])
+def test_poses_have_the_names_of_their_scans(
+    tmp_path: Path, suffix: str, components: list[list[int]]
+) -> None:
+    """Also of scans that are elsewhere or left out; names may hold anything, each takes one line."""
+    names = ["a b#1.ply", "scan 3: x.ply", "ö\n1 0 0 0 0 0 0 1.ply", "sub/other scan 2: y"]
+    scene = known_scene(components=components, edges=[], names=names)
+    path = tmp_path / f"poses{suffix}"
+    for component, rows in enumerate(components):
+        scene.write(path, component=component)
+        if suffix == ".json":
+            read = json.loads(path.read_text())
+            found = dict(enumerate(read["scans"])), [node["scan"] for node in read["nodes"]]
+        else:
+            beside = path.with_name(f"{path.name}.names")
+            assert beside.exists() == (suffix in (".kitti", ".log"))
+            text = (beside if beside.exists() else path).read_text(encoding="utf-8")
+            found = find_names(text.splitlines())
+        assert found[0] == {row: name.replace("\n", "\\n") for row, name in enumerate(names)}
+        is_graph = suffix in (".g2o", ".json")
+        assert found[1] == (sorted(rows) if is_graph else rows)
+        poses = PoseGraph.read(path).poses if is_graph else None
+        if suffix in (".tum", ".kitti"):
+            poses = read_transforms(path)
+        if poses is not None:
+            np.testing.assert_allclose(poses, scene.poses[found[1]], atol=1e-9)
 
 
 def test_redwoods_log(tmp_path: Path) -> None:

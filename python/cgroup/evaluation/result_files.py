@@ -12,7 +12,7 @@ import re
 from dataclasses import dataclass, field
 from itertools import combinations
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -20,19 +20,20 @@ from cgroup._checks.quoting import escape
 from cgroup.errors import InputError
 from cgroup.evaluation.recalls import check_information
 from cgroup.io._files import load_numbers, load_text, naming, parse_file
-from cgroup.io._graphs import parse_text
+from cgroup.io._graphs import parse_json, parse_text
 from cgroup.io._logs import read_matrices
+from cgroup.io._names import find_names, last_numbers, names_file
 from cgroup.io._numpy_files import read_arrays
 from cgroup.io.transforms import find_poses, read_transforms
 from cgroup.rigid import are_rigid, check_rigid
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Sequence
 
     from cgroup.types import BoolArray, FloatArray
 
-    # Of pairs: scene, "" if untold, target, source and pose. Of clouds: number, component and pose.
-    _Rows = Iterable[tuple[Any, ...]]
+    # Of pairs: scene, "" if untold, target, source and pose.
+    _Pairs = Iterable[tuple[str, int, int, Any]]
 
 _UNNAMED = {"est", "gt", "poses", "graph", "result", "results", "trajectory"}
 """Names of files that tell no scene; their folder's does."""
@@ -46,15 +47,27 @@ _QUATERNION = ["tx", "ty", "tz", "qx", "qy", "qz", "qw"]
 Key = tuple[str, int, int]  # scene, target and source
 
 
+class _Clouds(NamedTuple):
+    """Row, component and pose of clouds; the names of all, also of those without a pose, by row."""
+
+    placed: Sequence[tuple[int, int | None, Any]]
+    names: dict[int, str]
+
+
 @dataclass(frozen=True, eq=False)
 class PairPoses:
-    """Poses (n,4,4) of pairs, NaN if refused; of true ones also information and overlap, NaN if unknown."""
+    """Poses (n,4,4) of pairs, NaN if refused; of true ones also information and overlap, NaN if unknown.
+
+    Where a file lists clouds and no pairs, their numbers are in its order in `clouds`, by scene, with their
+    names, "" if unknown.
+    """
 
     name: str
     keys: list[Key]
     poses: FloatArray
     information: FloatArray = field(default_factory=lambda: np.empty((0, 6, 6)))
     overlap: FloatArray = field(default_factory=lambda: np.empty(0))
+    clouds: dict[str, dict[int, str]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,10 +97,14 @@ def read_results(path: Path, truth: PairPoses | None = None) -> list[PairPoses |
     told = {file: next((name for name in _names_of(file) if name in scenes), "") for file in files}
     only = scenes[0] if len(scenes) == 1 and not any(told.values()) else ""
     found: dict[Key, tuple[FloatArray, Path]] = {}
+    clouds: dict[str, dict[int, str]] = {}
     for file in files:
-        rows, scene = [*_READERS.get(file.suffix.lower(), _read_trajectory)(file)], told[file] or only
-        if rows and len(rows[0]) == 3:
-            rows = _pairs_among(file, rows, truth, scene)
+        rows, scene = _READERS.get(file.suffix.lower(), _read_trajectory)(file), told[file] or only
+        if isinstance(rows, _Clouds):
+            numbers = _number_clouds(rows, truth, scene)
+            named = {number: rows.names.get(row, "") for row, number in numbers.items()}
+            clouds.setdefault(scene or _names_of(file)[0], {}).update(named)
+            rows = _pairs_among(file, rows, numbers, truth, scene)
         for name, i, j, pose in rows:
             key = name.removesuffix(_TAIL) or scene or _names_of(file)[0], i, j
             first = next((other for other in (key, (key[0], j, i)) if other in found), None)
@@ -104,7 +121,7 @@ def read_results(path: Path, truth: PairPoses | None = None) -> list[PairPoses |
     for row in np.flatnonzero(~are_rigid(poses) & ~np.isnan(poses[:, 0, 0])):
         key = list(found)[row]
         check_rigid(poses[row], f"{found[key][1]}: pose of pair {show_pair(key)}")
-    return [PairPoses(path.stem, list(found), poses)]
+    return [PairPoses(path.stem, list(found), poses, clouds=clouds)]
 
 
 def read_truth(path: Path) -> PairPoses:
@@ -123,7 +140,7 @@ def read_truth(path: Path) -> PairPoses:
         if shares.is_file():
             for i, j, share in parse_file(shares, lambda content: load_numbers(content).reshape(-1, 3)):
                 overlap[rows.get((scene, i, j), [])] = share
-    return PairPoses(known.name, known.keys, known.poses, information, overlap)
+    return PairPoses(known.name, known.keys, known.poses, information, overlap, known.clouds)
 
 
 def show_pair(key: Key) -> str:
@@ -138,6 +155,9 @@ def _files_of(path: Path, *, is_truth: bool) -> list[Path]:
     files = sorted(file for file in path.rglob("*") if file.suffix.lower() in _SUFFIXES)
     true, found = ([file for file in files if file.name == name] for name in ("gt.log", "est.log"))
     rest = [file for file in files if file.name not in ("gt.log", "gt_overlap.log")]
+    # `cgroup merge` writes the poses of its graphs beside them.
+    graphs = {file for file in rest if file.with_name(f"{file.stem.replace('graph', 'poses')}.tum") in rest}
+    rest = [file for file in rest if file.suffix != ".g2o" or file not in graphs]
     return (is_truth and true) or found or rest
 
 
@@ -147,52 +167,93 @@ def _names_of(file: Path) -> list[str]:
     return [name.removesuffix(_TAIL) for name in (*own, *(parent.name for parent in file.absolute().parents))]
 
 
-def _pairs_among(file: Path, rows: _Rows, truth: PairPoses | None, scene: str) -> Iterator[tuple[Any, ...]]:
+def _number_clouds(clouds: _Clouds, truth: PairPoses | None, scene: str) -> dict[int, int]:
+    """Return the number that the truth has for each row: that of the same name, or of the same place.
+
+    A truth that lists as many clouds is in the same order. In others, the numbers at the end of the names
+    count, or the rows, whichever are more of the truth's.
+    """
+    rows = sorted({*clouds.names, *(row for row, _, _ in clouds.placed)})
+    as_rows = dict(zip(rows, rows, strict=True))
+    by_name = last_numbers(clouds.names) or as_rows
+    if truth is None:
+        return by_name
+    known = truth.clouds.get(scene, {})
+    places = {name: number for number, name in known.items() if name}
+    same = {row: places[name] for row, name in clouds.names.items() if name in places}
+    if same:
+        return same
+    if known and rows == [*range(len(known))]:
+        return dict(zip(rows, known, strict=True))
+    asked = {number for key in truth.keys if key[0] == scene for number in key[1:]}
+    is_named = len(asked & {*by_name.values()}) >= len(asked & {*rows})
+    return by_name if is_named else as_rows
+
+
+def _pairs_among(
+    file: Path, clouds: _Clouds, numbers: dict[int, int], truth: PairPoses | None, scene: str
+) -> _Pairs:
     """Yield poses of pairs of clouds: of those that the truth has, or of all."""
-    clouds: dict[int, tuple[int | None, Any]] = {}
-    for number, component, pose in rows:
-        if number in clouds or (truth is None and len(clouds) == _MOST_CLOUDS):
-            why = f"cloud {number} is there twice" if number in clouds else f"more than {_MOST_CLOUDS} clouds"
+    placed: dict[int, tuple[int | None, Any]] = {}
+    for row, component, pose in clouds.placed:
+        if row not in numbers:  # the truth doesn't name it
+            continue
+        if numbers[row] in placed or (truth is None and len(placed) == _MOST_CLOUDS):
+            is_twice = numbers[row] in placed
+            why = f"cloud {row} is there twice" if is_twice else f"more than {_MOST_CLOUDS} clouds"
             message = f"{file}: {why}; list the pairs that count, each with its pose"
             raise InputError(message)
-        clouds[number] = component, pose
-    asked = [key[1:] for key in truth.keys if key[0] == scene] if truth else combinations(sorted(clouds), 2)
+        placed[numbers[row]] = component, pose
+    asked = [key[1:] for key in truth.keys if key[0] == scene] if truth else combinations(sorted(placed), 2)
     for i, j in asked:
-        if i in clouds and j in clouds:
-            (first, target), (second, source) = clouds[i], clouds[j]
+        if i in placed and j in placed:
+            (first, target), (second, source) = placed[i], placed[j]
             is_joined = first is not None and first == second
             yield "", i, j, np.linalg.solve(target, source) if is_joined else None
 
 
-def _read_log(file: Path) -> _Rows:
+def _read_log(file: Path) -> _Clouds | _Pairs:
     poses = read_matrices(file, 4)
-    are_clouds = all(i == j for i, j in poses)
-    return [(i, 0, pose) if are_clouds else ("", i, j, pose) for (i, j), pose in poses.items()]
+    if not all(i == j for i, j in poses):
+        return [("", i, j, pose) for (i, j), pose in poses.items()]
+    return _Clouds([(i, 0, pose) for (i, _), pose in poses.items()], _read_names(file)[0])
 
 
-def _read_graph(file: Path) -> _Rows:
+def _read_names(file: Path) -> tuple[dict[int, str], list[int]]:
+    """Read the names of scans beside a file whose format has no comments, and the rows that it has."""
+    beside = names_file(file)
+    return find_names(load_text(beside).splitlines()) if beside.is_file() else ({}, [])
+
+
+def _read_graph(file: Path) -> _Clouds | _Pairs:
     """Read the nodes of a g2o file, or its edges where it has no nodes."""
     text = load_text(file)
     with naming(file):
         graph = parse_text(text)
     if "VERTEX" in text:
-        return [(number, 0, pose) for number, pose in zip(graph.ids.tolist(), graph.poses, strict=True)]
+        placed = [(number, 0, pose) for number, pose in zip(graph.ids.tolist(), graph.poses, strict=True)]
+        return _Clouds(placed, find_names(text.splitlines()).names)
     edges = zip(graph.ids[graph.edges].tolist(), graph.measurements, strict=True)
     return [("", i, j, pose) for (i, j), pose in edges]
 
 
-def _read_trajectory(file: Path) -> _Rows:
+def _read_trajectory(file: Path) -> _Clouds | _Pairs:
     """Read a pose per line: of TUM, whose times in s or us number the clouds, or of KITTI."""
     poses, pair = read_transforms(file), _numbers_in(file)
     if len(poses) == 1 and pair:
         return [("", *pair, poses[0])]
-    table = np.empty((0, 0)) if file.suffix.lower() == ".npy" else parse_file(file, load_numbers)
-    numbers = table[:, 0] if table.shape == (len(poses), 8) else np.arange(len(poses))
-    numbers = numbers if (numbers == np.floor(numbers)).all() else np.round(1e6 * numbers)
-    return [(int(number), 0, pose) for number, pose in zip(numbers, poses, strict=True)]
+    is_text = file.suffix.lower() != ".npy"
+    table = parse_file(file, load_numbers) if is_text else np.empty((0, 0))
+    if table.shape == (len(poses), 8):
+        numbers, names = table[:, 0], find_names(load_text(file).splitlines()).names
+        numbers = numbers if (numbers == np.floor(numbers)).all() else np.round(1e6 * numbers)
+    else:
+        names, rows = _read_names(file)
+        numbers = rows if len(rows) == len(poses) else range(len(poses))
+    return _Clouds([(int(number), 0, pose) for number, pose in zip(numbers, poses, strict=True)], names)
 
 
-def _read_npz(file: Path) -> _Rows:
+def _read_npz(file: Path) -> _Pairs:
     """Read ``pairs``, ``poses`` and maybe ``scenes``, or the pose of one pair as GeoTransformer keeps it."""
     pair, arrays = _numbers_in(file), read_arrays(file, optional=["estimated_transform"])
     if pair and arrays:
@@ -208,7 +269,7 @@ def _read_npz(file: Path) -> _Rows:
     return [(str(scene), i, j, pose) for scene, (i, j), pose in rows]
 
 
-def _read_csv(file: Path) -> _Rows:
+def _read_csv(file: Path) -> _Pairs:
     lines = load_text(file).splitlines()
     separator = next((mark for mark in ";\t" if mark in "".join(lines[:1])), ",")
     table = csv.DictReader(lines, restval="", skipinitialspace=True, delimiter=separator)
@@ -235,20 +296,27 @@ def _read_csv(file: Path) -> _Rows:
         yield row.get("scene") or "", *pair, pose
 
 
-def _read_json(file: Path) -> _Rows:
-    """Read a document of ``cgroup register`` or ``cgroup merge``."""
+def _read_json(file: Path) -> _Clouds | _Pairs:
+    """Read a document of ``cgroup register`` or ``cgroup merge``, or a graph of scans in Open3D's JSON."""
     document: Any = parse_file(file, json.loads)
     try:
         if "error" in document:  # a refusal doesn't tell its pair
             source, _, target = file.stem.partition("_on_")
             return [("", _last_number(target), _last_number(source), None)]
+        if document.get("class_name") == "PoseGraph":
+            poses = parse_json(load_text(file)).poses
+            rows = [int(node.get("scan", row)) for row, node in enumerate(document["nodes"])]
+            names = {row: str(name) for row, name in enumerate(document.get("scans", ()))}
+            return _Clouds([(row, 0, pose) for row, pose in zip(rows, poses, strict=True)], names)
         done, is_pose = document["results"], document["command"] in ("register", "assess")
         if document["command"] == "merge":
-            scans = ((one["name"], one["component"], one["T_component_scan"]) for one in done["scans"])
-            return [(_last_number(name), at, at if at is None else _matrix(pose)) for name, at, pose in scans]
+            scans = [(one["name"], one["component"], one["T_component_scan"]) for one in done["scans"]]
+            placed = [(at, at if at is None else _matrix(pose)) for _, at, pose in scans]
+            names = {row: escape(name) for row, (name, _, _) in enumerate(scans)}
+            return _Clouds([(row, *one) for row, one in enumerate(placed)], names)
         source, target = (_last_number(one["file"]) for one in document["inputs"] if is_pose)
         return [("", target, source, _matrix(done["T_target_source"]) if done["ok"] else None)]
-    except (KeyError, TypeError, ValueError) as error:
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
         hint = error if isinstance(error, InputError) else "give what register or merge print by --json"
         message = f"{file}: not a result of cgroup; {hint}"
         raise InputError(message) from error

@@ -11,10 +11,11 @@ import numpy as np
 from cgroup._checks.quoting import cut, escape
 from cgroup.errors import InputError
 from cgroup.io._files import number_lines
+from cgroup.io._names import list_names
 from cgroup.rigid import quaternions, turn
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from cgroup._checks.array_types import BoolArray, FloatArray, IndexArray
 
@@ -127,10 +128,11 @@ def singular(information: FloatArray) -> BoolArray:
     return np.linalg.eigvalsh(scaled)[:, 0] <= 1e-12
 
 
-def format_g2o(graph: GraphContent) -> str:
-    """Write lines of g2o."""
+def format_g2o(graph: GraphContent, names: Sequence[str] = ()) -> str:
+    """Write lines of g2o; where the nodes are scans, their names are comments."""
+    lines = [f"# {line}" for line in list_names(names, graph.ids.tolist())] if names else []
     nodes = zip(graph.ids.tolist(), motion_lines(graph.poses), strict=True)
-    lines = [f"VERTEX_SE3:QUAT {node} {motion}" for node, motion in nodes]
+    lines += [f"VERTEX_SE3:QUAT {node} {motion}" for node, motion in nodes]
     weights = number_lines(graph.information[_SWAPPED][:, _UPPER[0], _UPPER[1]])
     edges = zip(graph.ids[graph.edges].tolist(), motion_lines(graph.measurements), weights, strict=True)
     lines += [f"EDGE_SE3:QUAT {i} {j} {motion} {weight}" for (i, j), motion, weight in edges]
@@ -162,15 +164,18 @@ def _by_columns(matrices: list[list[float]], size: int) -> FloatArray:
     return np.array(matrices, dtype=float).reshape(-1, size, size).transpose(0, 2, 1)
 
 
-def format_json(graph: GraphContent) -> str:
-    """Write Open3D's JSON."""
+def format_json(graph: GraphContent, names: Sequence[str] = ()) -> str:
+    """Write Open3D's JSON; where the nodes are scans, it has their names and rows too."""
     poses, measurements, information = (
         [matrix.T.ravel().tolist() for matrix in matrices]
         for matrices in (graph.poses, graph.measurements, graph.information[_SWAPPED])
     )
     uncertain = (graph.probability < 1).tolist()
     version = {"version_major": 1, "version_minor": 0}
-    nodes = [{"class_name": "PoseGraphNode", "pose": pose, **version} for pose in poses]
+    nodes: list[dict[str, Any]] = [
+        {"class_name": "PoseGraphNode", "pose": pose, **({"scan": row} if names else {}), **version}
+        for row, pose in zip(graph.ids.tolist(), poses, strict=True)
+    ]
     edges = [
         {
             "class_name": "PoseGraphEdge",
@@ -184,4 +189,5 @@ def format_json(graph: GraphContent) -> str:
         }
         for row, (i, j) in enumerate(graph.edges.tolist())
     ]
-    return json.dumps({"class_name": "PoseGraph", "edges": edges, "nodes": nodes, **version})
+    scans = {"scans": list(map(escape, names))} if names else {}
+    return json.dumps({"class_name": "PoseGraph", "edges": edges, "nodes": nodes, **scans, **version})

@@ -18,11 +18,13 @@ from cgroup._show.words import counted, number
 from cgroup.errors import InputError
 from cgroup.io import write_cloud, write_file
 from cgroup.io._files import check_outputs, written_path
+from cgroup.io._graphs import GraphContent, format_g2o, format_json
+from cgroup.io._names import list_names, names_file
 from cgroup.registration import PreparedScan
 from cgroup.registration.covariance import covariance_in
 from cgroup.registration.result import merge_clouds
 from cgroup.scenes.pose_graph import PoseGraph
-from cgroup.scenes.scene_files import POSE_FORMATS, format_poses, scan_colors
+from cgroup.scenes.scene_files import POSE_FORMATS, WITHOUT_NAMES, format_poses, scan_colors
 from cgroup.types import PointCloud, as_cloud
 
 if TYPE_CHECKING:
@@ -271,7 +273,8 @@ class Scene:
             `components`. ``.log``: Redwood's trajectory, per scan a line with its row twice and the next
             number, then the 4x4 matrix. ``.g2o``: the graph of kept edges, nodes numbered by row.
             ``.json``: the same as Open3D's PoseGraph, nodes in the order of their rows. ``.ply``, ``.pcd``:
-            what `merged` returns.
+            what `merged` returns. All but the clouds have the names of the scans by row: as comments, in
+            JSON under ``scans``, and for KITTI and Redwood in a file beside, such as ``poses.kitti.names``.
         component : int
             Which of `components`.
 
@@ -297,13 +300,21 @@ class Scene:
         """
         path = written_path(path, "scenes", *POSE_FORMATS, *_GRAPHS, *_CLOUDS)
         rows, suffix = self._component(component), path.suffix.lower()
-        check_outputs([path], (scan for scan in self.scans if isinstance(scan, str | os.PathLike)))
+        beside = [names_file(path)] if suffix in WITHOUT_NAMES else []
+        check_outputs([path, *beside], (scan for scan in self.scans if isinstance(scan, str | os.PathLike)))
+        for file in beside:
+            write_file(file, "".join(f"{line}\n" for line in list_names(self.names, rows)).encode())
         if suffix in _CLOUDS:
             write_cloud(path, self.merged(component=component))
         elif suffix in _GRAPHS:
-            self._graph_of(sorted(rows)).write(path)
+            graph = self._graph_of(sorted(rows))
+            edges = (graph.edges, graph.measurements, graph.information, graph.probability)
+            kept = (each[graph.kept] for each in edges)
+            content = GraphContent._make((graph.poses, *kept, graph.ids))
+            form = format_json if suffix == ".json" else format_g2o
+            write_file(path, form(content, self.names).encode())
         else:
-            write_file(path, format_poses(suffix, self.poses[rows], rows).encode())
+            write_file(path, format_poses(suffix, self.poses[rows], rows, self.names).encode())
 
     def plot(self, *, component: int = 0) -> Any:  # noqa: ANN401 - matplotlib's Figure
         """Draw the merged scans of a component, and the graph of their edges.

@@ -9,6 +9,7 @@ import numpy as np
 
 from cgroup.io._files import number_lines
 from cgroup.io._graphs import motion_lines
+from cgroup.io._names import list_names
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -24,6 +25,8 @@ _GOLDEN = 0.618
 """Of a turn between the hues of one scan and the next: they never come near soon."""
 
 POSE_FORMATS = (".tum", ".kitti", ".log")
+WITHOUT_NAMES = (".kitti", ".log")
+"""Formats without comments: many readers take each line for numbers."""
 
 
 def scan_colors(count: int) -> NDArray[np.uint8]:
@@ -37,12 +40,12 @@ def scan_colors(count: int) -> NDArray[np.uint8]:
     return np.concatenate([first, bytes_of]).astype(np.uint8)[:count]
 
 
-def format_poses(suffix: str, poses: FloatArray, rows: Sequence[int]) -> str:
-    """Write poses of scans, and their rows, in one of the formats."""
+def format_poses(suffix: str, poses: FloatArray, rows: Sequence[int], names: Sequence[str]) -> str:
+    """Write poses of scans, their rows, and the names of all scans, in one of the formats."""
     if suffix == ".kitti":
         lines = number_lines(poses[:, :3].reshape(-1, 12))
     elif suffix == ".tum":
-        lines = ["# row of the scan, tx ty tz qx qy qz qw"]
+        lines = [f"# {line}" for line in (*list_names(names, rows), "row of the scan, tx ty tz qx qy qz qw")]
         lines += [f"{row} {line}" for row, line in zip(rows, motion_lines(poses), strict=True)]
     else:
         blocks = zip(rows, map(number_lines, poses), strict=True)
