@@ -1,11 +1,12 @@
 """
-Register two scans of the Stanford bunny
-========================================
+Register two scans, and compare with their alignment
+====================================================
 
-Two real range scans of one side of a figurine, from 45 degrees apart: find the pose, see where the scans
-agree, and compare it with the alignment that came with them.
+Two range scans of one side of an object, from 45 degrees apart: find the pose, see where the scans agree,
+and compare it with the alignment that came with them. The object is the Stanford bunny, or a generated stone
+where the bunny can't be downloaded.
 
-The scans are those of the Stanford Computer Graphics Laboratory, with thanks: the
+The bunny's scans are those of the Stanford Computer Graphics Laboratory, with thanks: the
 `Stanford 3D Scanning Repository <http://graphics.stanford.edu/data/3Dscanrep/>`_ gives them for research, and
 not for commercial use. They are downloaded once, into the folder ``out``; ``CGROUP_DATA`` names a folder that
 has them already, in ``stanford_views/bunny``.

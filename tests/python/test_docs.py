@@ -209,6 +209,26 @@ def test_reference_lacks_no_public_module():
     assert public - set(GROUPS) == hidden
 
 
+def test_pages_install_from_the_repository_until_pypi_has_it():
+    pages = [page for page in PAGES if page.name != "CHANGELOG.md"]
+    lines = [line for page in pages for line in page.read_text(encoding="utf-8").splitlines()]
+    named = [line for line in lines if re.search(r"pip install '?cgroup\b", line)]
+    assert [line for line in named if "git+https://" not in line] == [
+        line for line in named if "comes to PyPI" in line
+    ]
+
+
+@pytest.mark.parametrize("word", ["uncertainty", "GPU", "crop", "georeference", "install", "ICP"])
+def test_what_people_search_for_is_a_heading(word: str):
+    titles = [
+        line
+        for page in PAGES
+        for line in page.read_text(encoding="utf-8").splitlines()
+        if line.startswith("#")
+    ]
+    assert any(re.search(rf"\b{word}", title, re.IGNORECASE) for title in titles)
+
+
 @pytest.mark.parametrize(
     ("page", "loads"),
     [
