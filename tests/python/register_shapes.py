@@ -16,6 +16,24 @@ def plane(seed: int, count: int = 12_000, noise: float = 5e-4) -> FloatArray:
     return np.column_stack([rng.uniform(size=(count, 2)), noise * rng.normal(size=count)])
 
 
+def relief(seed: int, rms: float, noise: float, count: int = 28_000) -> FloatArray:
+    """A sheet of 100 x 70 with sixty bumps, the same for each seed: 10 seeds share one sheet."""
+    shape, rng = np.random.default_rng(seed // 10), np.random.default_rng(seed)
+    flat, height = rng.uniform((0, 0), (100, 70), size=(count, 2)), np.zeros(count)
+    for _ in range(60):
+        middle, width = shape.uniform((0, 0), (100, 70)), shape.uniform(2, 8)
+        height += shape.uniform(-1, 1) * np.exp(-((flat - middle) ** 2).sum(axis=1) / 2 / width**2)
+    return np.column_stack([flat, rms * height / height.std()]) + noise * rng.normal(size=(count, 3))
+
+
+def torus(seed: int, count: int = 12_000) -> FloatArray:
+    """A ring of radius 1 and thickness 0.8 around the z axis."""
+    rng = np.random.default_rng(seed)
+    around, about = rng.uniform(0, 2 * np.pi, size=(2, count))
+    away = 1 + 0.4 * np.cos(about)
+    return np.column_stack([away * np.cos(around), away * np.sin(around), 0.4 * np.sin(about)])
+
+
 def cylinder(seed: int, count: int = 12_000) -> FloatArray:
     """A pipe of radius 1 and length 4 around the z axis."""
     rng = np.random.default_rng(seed)

@@ -15,7 +15,6 @@ from cgroup.registration.judge import (
     Found,
     bound_by_motions,
     choose_apart,
-    count_open_motions,
     differ,
     judge,
     lead_over_chance,
@@ -24,6 +23,7 @@ from cgroup.registration.judge import (
     share_probability,
     weigh,
 )
+from cgroup.registration.motions import OPEN, resistance
 from cgroup.types import Correspondences
 from strategies import rigid
 
@@ -143,7 +143,7 @@ def test_open_motions_of_shapes(kind: str, count: int) -> None:
     points, normals = surface(kind)
     for unit in (1e-3, 1.0, 1e3):
         information = information_of(unit * points, normals)
-        assert count_open_motions(information, unit * points) == count
+        assert (resistance(information, unit * points).values <= OPEN).sum() == count
 
 
 def found(**changes: Any) -> Found:

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cgroup.registration.covariance import count_open_motions
 from cgroup.registration.evidence import gather
 from cgroup.registration.judge import (
     Case,
     Found,
     bound_by_motions,
-    count_open_motions,
     misfit,
     share_probability,
 )
 from cgroup.registration.own import match_nothing
 from cgroup.registration.prepare import fine_surfaces
-from cgroup.rigid import apply, invert
+from cgroup.rigid import invert
 from cgroup.verification import align, verify
 
 if TYPE_CHECKING:
@@ -36,7 +37,9 @@ def confirm_pose(
     verified = verify(source.surface, target.surface, placed, threads=threads)
     back = verify(target.surface, source.surface, invert(placed), threads=threads)
     case = Case(float(verified.scores[0]), 0, misfit(refined, source.voxel), gather(source, target, placed))
-    motions = count_open_motions(refined.information, apply(placed, source.voxels.points))
+    motions = count_open_motions(refined, source, target)
+    if motions == 0:
+        refined = replace(refined, open_motion=None)
     return Found(
         refined,
         np.empty((0, 4, 4)),

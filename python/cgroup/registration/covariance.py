@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 
-from cgroup.registration.judge import OPEN
-from cgroup.registration.motions import about, adjoint, motion, resistance, vector_of
+from cgroup.registration.motions import OPEN, Resistance, about, adjoint, motion, resistance, vector_of
 from cgroup.registration.prepare import UNIT, fine_surfaces
 from cgroup.rigid import apply, invert
 from cgroup.verification.alignment import align_each
@@ -39,7 +38,26 @@ LEFT = 0.1
 NOT_PULLED_BACK = 0.5
 """Share of a displacement that is left where a motion is open."""
 
+ROUNDS, MORE_SAMPLES = 3, 1000
+"""Refinements, and samples of either surface, that pull a displaced pose back where little resists."""
+
 _LEAST_RESISTANCE = 1e-6
+
+
+def count_open_motions(found: Alignment, source: PreparedScan, target: PreparedScan) -> int:
+    """Return the number of motions that the surfaces leave open: 3 for a plane, 1 for a corridor.
+
+    A motion is open if it is hardly resisted, and if refining does not undo a displacement of a voxel along
+    it. Normals of a rough plane seem to resist, but pull nowhere; a shallow relief resists as little, but
+    pulls the pose back.
+    """
+    pose = found.T_target_source
+    resisted = resistance(found.information, apply(pose, source.voxels.points))
+    motions = resisted.motions[resisted.values <= OPEN]
+    if len(motions) == 0:
+        return 0
+    left = _displace(resisted._replace(motions=motions), pose, source, target, MORE_SAMPLES, ROUNDS)
+    return int((_share_left(left, resisted, source.voxel) >= NOT_PULLED_BACK).sum())
 
 
 def covariance_of(found: Alignment, source: PreparedScan, target: PreparedScan) -> FloatArray:
@@ -52,20 +70,40 @@ def covariance_of(found: Alignment, source: PreparedScan, target: PreparedScan) 
     an open motion the pose may lie anywhere within 8 voxels: farther ones are weighed as its rivals.
     """
     pose, voxel = found.T_target_source, source.voxel
-    values, motions, middle, scale, weight = resistance(found.information, apply(pose, source.voxels.points))
+    resisted = resistance(found.information, apply(pose, source.voxels.points))
+    values, motions, middle, _, weight = resisted
     deviation = found.rmse if len(found.residuals) else voxel
     noise = (deviation**2 + (LEAST_DEVIATION * voxel) ** 2) * (1 / INDEPENDENT + ALIKE / max(weight, 1.0))
-    displaced = DISPLACED * voxel * np.concatenate([motions, -motions])
-    starts = motion(displaced, middle) @ pose
-    back = align_each(*fine_surfaces(source, target), starts, SAMPLES, source.threads)
-    inverse = invert(pose)
-    left = np.array([vector_of(one.T_target_source @ inverse, middle) for one in back])
-    kept = np.linalg.norm(left / scale, axis=1).reshape(2, 6).mean(axis=0) / (DISPLACED * voxel)
-    is_open = (values <= OPEN) & (kept >= NOT_PULLED_BACK)
+    left = _displace(resisted, pose, source, target, SAMPLES, 1)
+    is_open = (values <= OPEN) & (_share_left(left, resisted, voxel) >= NOT_PULLED_BACK)
+    is_open &= found.open_motion is not None
     variances = noise / np.maximum(values, _LEAST_RESISTANCE)
     variances += is_open * (DIFFERENT_UNITS * UNIT * voxel) ** 2 / 3
     change = np.linalg.inv(about(middle))
     return change @ ((motions.T * variances) @ motions + LEFT * left.T @ left) @ change.T
+
+
+def _displace(
+    resisted: Resistance,
+    pose: FloatArray,
+    source: PreparedScan,
+    target: PreparedScan,
+    samples: int,
+    rounds: int,
+) -> FloatArray:
+    """Return what refining leaves of displacements by a voxel along k motions to both sides, (2k,6)."""
+    steps = DISPLACED * source.voxel * np.concatenate([resisted.motions, -resisted.motions])
+    poses = motion(steps, resisted.middle) @ pose
+    for _ in range(rounds):
+        refined = align_each(*fine_surfaces(source, target), poses, samples, source.threads)
+        poses = np.array([one.T_target_source for one in refined])
+    return np.array([vector_of(one, resisted.middle) for one in poses @ invert(pose)])
+
+
+def _share_left(left: FloatArray, resisted: Resistance, voxel: float) -> FloatArray:
+    """Return the share that is left of each displacement, on average of both sides, (k,)."""
+    lengths = np.linalg.norm(left / resisted.scale, axis=1)
+    return lengths.reshape(2, -1).mean(axis=0) / (DISPLACED * voxel)
 
 
 def deviations_at(covariance: FloatArray, place: FloatArray) -> tuple[float, float]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from cgroup._runtime.cached import cached_property
 from cgroup.registration.matching import turn_matches
-from cgroup.registration.motions import adjoint, resistance, say_motion
+from cgroup.registration.motions import adjoint, say_motion
 from cgroup.registration.prepare import UNIT
 from cgroup.rigid import apply, invert
 from cgroup.types import Agreement, Grouping, Rule
@@ -53,9 +53,6 @@ PLANES_BY_CHANCE, MOST_FURTHER_PLANES = 4, 3
 
 LEAD_BY_CHANCE = 1.0
 """Nats by which the best of equal poses leads."""
-
-OPEN = 0.01
-"""Share of the resistance of all pairs below which a motion is open, as for `Alignment.open_motion`."""
 
 AS_GOOD = 0.3
 """Share of the best pose's probability from which another one counts as an alternative."""
@@ -326,11 +323,6 @@ def choose_apart(poses: FloatArray, center: FloatArray, voxel: float) -> list[in
         chosen.append(int(np.argmax(left)))
         left &= differ(poses, chosen[-1], center, voxel)
     return chosen
-
-
-def count_open_motions(information: FloatArray, points: FloatArray) -> int:
-    """Count the motions that surfaces hardly resist: 3 for a plane, 2 for a pipe, 1 for a corridor."""
-    return int((resistance(information, points).values <= OPEN).sum())
 
 
 def _explain(found: Found, open_motions: str) -> str:

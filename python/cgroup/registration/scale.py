@@ -20,7 +20,6 @@ from cgroup.features import Cloud
 from cgroup.features.voxels import choose_thinning
 from cgroup.registration.judge import (
     MOST_OPEN_MOTIONS,
-    OPEN,
     are_alternatives,
     bound_by_motions,
     judge,
@@ -28,7 +27,7 @@ from cgroup.registration.judge import (
     weigh,
 )
 from cgroup.registration.matching import scale_matches
-from cgroup.registration.motions import motion
+from cgroup.registration.motions import OPEN, motion
 from cgroup.registration.prepare import DenseFront, Given, Preparation, PreparedScan, agree
 from cgroup.registration.result import registration_of
 from cgroup.registration.scan import ViewDirection

@@ -9,6 +9,7 @@ import numpy as np
 
 from cgroup._runtime.cached import cached_property
 from cgroup.features import ORIGIN
+from cgroup.registration.covariance import count_open_motions
 from cgroup.registration.evidence import gather
 from cgroup.registration.judge import (
     Case,
@@ -16,7 +17,6 @@ from cgroup.registration.judge import (
     are_alternatives,
     bound_by_motions,
     choose_apart,
-    count_open_motions,
     is_accepted,
     is_sure,
     misfit,
@@ -29,7 +29,7 @@ from cgroup.registration.own import describe_voxels, match_nothing
 from cgroup.registration.paper_front import correspond_by
 from cgroup.registration.prepare import fine_surfaces
 from cgroup.registration.rivals import propose_rivals
-from cgroup.rigid import apply, invert
+from cgroup.rigid import invert
 from cgroup.verification import align, verify
 from cgroup.verification.alignment import align_each
 
@@ -265,7 +265,7 @@ class Search:
         cases = [ranked[row].case for row in rows]
         chance, shares = share_probability(cases[0], cases[1:])
         best = ranked[rows[0]].found
-        motions = count_open_motions(best.information, apply(best.T_target_source, source.voxels.points))
+        motions = count_open_motions(best, source, target)
         chance = bound_by_motions(chance, motions)
         return Found(
             best,
@@ -288,6 +288,8 @@ class Search:
         refined = align(*surfaces, found.refined.T_target_source, threads=self.threads)
         if not self._is_allowed(refined.T_target_source, found.source):
             refined = found.refined
+        if found.motions == 0:
+            refined = replace(refined, open_motion=None)
         pose = refined.T_target_source
         shares = [
             verify(one.surface, other.surface, way, threads=self.threads).fitness

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cgroup.features import DescribedCloud
-from cgroup.registration.judge import Found, count_open_motions, is_accepted, judge
+from cgroup.registration.covariance import count_open_motions
+from cgroup.registration.judge import Found, is_accepted, judge
 from cgroup.registration.matching import frame_poses, match_both_ways, propose_poses, take_matches
 from cgroup.registration.prepare import LEAST_VOXELS
 from cgroup.registration.recognition.sighting import Sighting, look_at
 from cgroup.registration.result import registration_of
-from cgroup.rigid import apply
 from cgroup.verification import verify
 
 if TYPE_CHECKING:
@@ -61,10 +61,7 @@ class Proposal:
             sighting.model,
             sighting.scene,
             target_fitness=float(sighting.explained.mean()),
-            motions=count_open_motions(
-                sighting.refined.information,
-                apply(sighting.refined.T_target_source, sighting.model.voxels.points),
-            ),
+            motions=count_open_motions(sighting.refined, sighting.model, sighting.scene),
         )
         return registration_of(found, judge(found, sighting.model, sighting.scene), seconds)
 
