@@ -11,6 +11,8 @@ from placed_scenes import PAIR, known_scene
 
 from cgroup import InputError
 from cgroup.cli.commands import merge
+from cgroup.cli.show import terminal
+from cgroup.datasets import standin_pair
 from cgroup.io import read_cloud, read_transforms, write_cloud
 from cgroup.rigid import rotation_error
 from cgroup.scenes import PoseGraph, Scene
@@ -57,7 +59,8 @@ def test_one_scene(calls: list[dict[str, Any]], capsys: Capture) -> None:
         "local",
     ]
     (Path("stranger.ply")).unlink()
-    out = succeed(capsys, "merge", *NAMES, "--out", "scene", *options)
+    status, out, err = run(capsys, "merge", *NAMES, "--out", "scene", *options)
+    assert (status, err) == (3, "cgroup: 1 of 4 scans left out (stranger.ply)\n")
     (given,) = calls
     assert (given["voxel"], given["viewpoint"], given["effort"]) == (5.0, (0.0, 0.0, 0.0), "high")
     assert (given["threads"], given["scheduler"], given["keep"]) == (1, "local", Path("scene/pairs.sqlite"))
@@ -85,13 +88,15 @@ def test_scans_are_placed_and_finished_pairs_kept(
     write_cloud("source.ply", PAIR.source)
     write_cloud("target.ply", PAIR.target)
     line = ("merge", "target.ply", "source.ply", "missing.ply", "--voxel", 5, "--out", "scene", "--json")
-    done = json.loads(succeed(capsys, *line))["results"]
+    status, out, err = run(capsys, *line)
+    assert (status, err) == (3, "cgroup: 1 of 3 scans left out (missing.ply)\n")
+    done = json.loads(out)["results"]
     pose = read_transforms("scene/poses.tum")[1]
     assert rotation_error(pose, PAIR.T_target_source) < 1.0
     assert done["components"] == [[0, 1]]
     assert done["scans"][2]["component"] is None
     assert "missing.ply" in done["notes"][0]
-    again = json.loads(succeed(capsys, *line))["results"]
+    again = json.loads(run(capsys, *line)[1])["results"]
     assert {**again, "seconds": None} == {**done, "seconds": None}
 
 
@@ -222,3 +227,31 @@ def test_what_is_refused_leaves_no_folder(
 
 def test_register_points_to_merge(capsys: Capture) -> None:
     assert "cgroup merge places many" in fail(capsys, "register", "a.ply", "b.ply", "c.ply")
+
+
+def test_progress_is_written_where_nothing_can_be_overwritten(
+    monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    seconds = iter([0.0, 1.0, 14.0, 16.0, 17.0, 30.0, 31.0])
+    monkeypatch.setattr(terminal, "monotonic", lambda: next(seconds))
+    with terminal.show_stages(piped=True) as begin:
+        for pair in range(1, 7):
+            begin(f"pair {pair} of 6\x1b")
+    assert capsys.readouterr().err == "pair 3 of 6\\x1b (16 s)\npair 6 of 6\\x1b (31 s)\n"
+
+
+def test_no_kept_edge_is_improbable(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture) -> None:
+    """Of a scan twice, and views that pairs alone place by doubtful poses."""
+    monkeypatch.chdir(tmp_path)
+    views = [standin_pair(seed=1, turn=turn, pixels=45) for turn in (35, 70)]
+    clouds = [views[0].source, views[0].target, views[1].target, views[0].source]
+    for number, cloud in enumerate(clouds):
+        write_cloud(f"{number}.ply", cloud)
+    out = run(capsys, "merge", *(f"{number}.ply" for number in range(4)), "--out", "scene", "--json")[1]
+    done = json.loads(out)["results"]
+    assert any("3.ply has the same points as 0.ply" in note for note in done["notes"])
+    kept = [edge["probability"] for edge in done["edges"] if edge["kept"]]
+    assert len(kept) > 2
+    assert min(kept) >= 0.5
+    placed = [scan["probability"] for scan in done["scans"] if scan["component"] == 0]
+    assert set(placed) <= {1.0, *kept}

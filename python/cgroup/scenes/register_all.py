@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from contextlib import contextmanager
 from dataclasses import replace
+from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -213,8 +214,23 @@ def _prepare_each(
     if usable:
         shared = agree([clouds[row] for row in usable], voxel, None, threads)._replace(threads=1)
         work_side_by_side(usable, prepare, workers)
-    notes = tuple(f"{named[row][0]} is left out: {reasons[row]}" for row in sorted(reasons))
-    return {row: ready[row] for row in sorted(ready)}, notes
+    left_out = [f"{named[row][0]} is left out: {reasons[row]}" for row in sorted(reasons)]
+    scans = {row: ready[row] for row in sorted(ready)}
+    return scans, (*left_out, *_find_repeats([name for name, *_ in named], scans))
+
+
+def _find_repeats(names: list[str], scans: dict[int, PreparedScan]) -> list[str]:
+    """Say which scans have the points of an earlier one."""
+    first: dict[bytes, int] = {}
+    earlier = {
+        row: first.setdefault(sha256(scan.scan.cloud.points.tobytes()).digest(), row)
+        for row, scan in scans.items()
+    }
+    return [
+        f"{names[row]} has the same points as {names[one]}: the same scan twice tells nothing new"
+        for row, one in earlier.items()
+        if row != one
+    ]
 
 
 def _finish(

@@ -178,6 +178,8 @@ def merge_command(
 ) -> Document:
     """Place many scans in one scene, or in several where they don't hang together (exit status 3).
 
+    A scan that can't be read, is empty, or has another unit than the others is left out (exit status 3).
+
     Writes the poses, the graph of edges, the merged cloud and a picture of each component of two scans or
     more: poses.tum, graph.g2o, merged.ply, scene.png; of a second one poses_2.tum and so on. What is finished
     stays in pairs.sqlite, and a run that was killed goes on from there.
@@ -186,7 +188,7 @@ def merge_command(
     check_outputs(_all_files(out, len(scans)), scans)
     results = Results(out, "merge")
     results.check(_files_of(out, 1, html=html))
-    with _folder_if_needed(out), show_stages() as begin:
+    with _folder_if_needed(out), show_stages(piped=True) as begin:
         scene = register_all(
             scans,
             names=_names_of(scans),
@@ -219,16 +221,27 @@ def merge_command(
         },
         "files": [*files, *([out / _PAIRS] if (out / _PAIRS).exists() else [])],
     }
+    if refusal := _refuse(scene, has_viewpoint=is_given(context, "viewpoint")):
+        said["refusal"] = refusal
+    return said
+
+
+def _refuse(scene: Scene, *, has_viewpoint: bool) -> str:
+    """Say which scans were left out, and that there is more than one component; "" where all is one."""
+    placed = {row for rows in scene.components for row in rows}
+    left_out = [name for row, name in enumerate(scene.names) if row not in placed]
+    reasons: list[str] = []
+    if left_out:
+        names = ", ".join(left_out[:5]) + (", ..." if len(left_out) > 5 else "")
+        reasons.append(f"{len(left_out)} of {counted(len(scene.names), 'scan')} left out ({names})")
     if len(scene.components) > 1:
         hint = (
-            ""
-            if is_given(context, "viewpoint")
-            else "; if each is one single scan, say where the scanner stood: --viewpoint"
+            "" if has_viewpoint else "; if each is one single scan, say where the scanner stood: --viewpoint"
         )
         sizes = ", ".join(counted(len(rows), "scan") for rows in scene.components[:5])
         more = ", ..." if len(scene.components) > 5 else ""
-        said["refusal"] = f"the scans make {len(scene.components)} components ({sizes}{more}), not one{hint}"
-    return said
+        reasons.append(f"the scans make {len(scene.components)} components ({sizes}{more}), not one{hint}")
+    return "; ".join(reasons)
 
 
 @contextmanager

@@ -10,6 +10,8 @@ from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
+from threading import Lock
+from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -17,12 +19,14 @@ import typer
 from cgroup import io
 from cgroup._checks.quoting import escape
 from cgroup._runtime.progress import ignore_progress
+from cgroup.cli.streams import write_error
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.progress import Progress
 
 _NAMES_WIDTH = 12  # of the names that facts begin with
+_SILENT = 15.0  # seconds between two lines of progress
 
 
 def paint(text: str, **style: Any) -> str:
@@ -122,14 +126,33 @@ def show_progress(*, counts: bool) -> Generator[Progress | None, None, None]:
 
 
 @contextmanager
-def show_stages() -> Generator[Callable[[str], None], None, None]:
-    """Show what is being done and for how long; call what is yielded with the name of each stage."""
+def show_stages(*, piped: bool = False) -> Generator[Callable[[str], None], None, None]:
+    """Show what is being done and for how long; call what is yielded with the name of each stage.
+
+    Where nothing can be overwritten nothing is shown, or if `piped` a line on standard error now and then.
+    """
     with show_progress(counts=False) as progress:
         if progress is None:
-            yield ignore_progress
+            yield _write_now_and_then() if piped else ignore_progress
             return
         task = progress.add_task("", total=None)
         yield lambda stage: progress.update(task, description=escape(stage))
+
+
+def _write_now_and_then() -> Callable[[str], None]:
+    """Return what writes the name of a stage to standard error, unless one was written shortly before."""
+    lock, begun = Lock(), monotonic()
+    written = begun
+
+    def write(stage: str) -> None:
+        nonlocal written
+        with lock:
+            now = monotonic()
+            if now - written >= _SILENT:
+                written = now
+                write_error(f"{escape(stage)} ({now - begun:.0f} s)")
+
+    return write
 
 
 def write_figure(path: Path, figure: Figure) -> Path:
