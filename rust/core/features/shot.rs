@@ -70,7 +70,7 @@ impl Shot {
         let search = cloud.balls(self.radius)?;
         let normals = search.reorder(normals)?;
         search.map_at(&centers, [f32::NAN; LENGTH], execution, |i, ball| {
-            let axes = frames.map_or_else(|| frame(ball, &search), |frames| Ok(frames[i]))?;
+            let axes = frames.map_or_else(|| frame(&centers[i], ball, &search), |frames| Ok(frames[i]))?;
             Ok(match axes {
                 Some(axes) if ball.len() >= MIN_POINTS => self.histogram(ball, &axes, &normals),
                 _ => [f32::NAN; LENGTH],

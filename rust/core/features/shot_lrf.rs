@@ -4,7 +4,7 @@
 //! Axes are the eigenvectors of the neighbourhood's scatter about the keypoint, weighted by nearness;
 //! x and z point to the side where most neighbours lie. Cost O(m k).
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Point3, Vector3};
 
 use crate::cloud::Cloud;
 use crate::correspondences::Frame;
@@ -19,6 +19,9 @@ use crate::memory;
 /// Fewer neighbours than this, not counting points that coincide with the keypoint, make no frame.
 const MIN_NEIGHBORS: usize = 5;
 
+/// Share of the radius within which a point lies on the plane through the keypoint: rounding must not choose its side.
+const FLAT: f64 = 1e-9;
+
 /// Frames at the keypoints, rows x, y, z; `None` with fewer than 5 neighbours within `radius`.
 ///
 /// # Errors
@@ -32,11 +35,11 @@ pub fn shot_frames(
 ) -> Result<Vec<Frame>> {
     let centers = locations(cloud.points(), keypoints)?;
     let search = cloud.balls(radius)?;
-    search.map_at(&centers, None, execution, |_, ball| frame(ball, &search))
+    search.map_at(&centers, None, execution, |i, ball| frame(&centers[i], ball, &search))
 }
 
-/// The frame of one neighbourhood.
-pub(super) fn frame(ball: &Ball, search: &BallSearch) -> Result<Frame> {
+/// The frame of the neighbourhood of a place.
+pub(super) fn frame(center: &Point3<f64>, ball: &Ball, search: &BallSearch) -> Result<Frame> {
     let mut count = 0;
     let mut total = 0.0;
     let mut products = [0.0; 6];
@@ -51,7 +54,9 @@ pub(super) fn frame(ball: &Ball, search: &BallSearch) -> Result<Frame> {
     if count < MIN_NEIGHBORS {
         return Ok(None);
     }
+    // What lies to no side points to the mean of the cloud.
     let axes = eigen(&(symmetric(&products) / total)).vectors;
+    let axes = axes.map(|axis| if axis.dot(&center.coords) > 0.0 { -axis } else { axis });
     let z = towards_most(axes[0], ball, search, count)?;
     let x = towards_most(axes[2], ball, search, count)?;
     Ok(Some(Matrix3::from_rows(&[x.transpose(), z.cross(&x).transpose(), z.transpose()])))
@@ -59,8 +64,8 @@ pub(super) fn frame(ball: &Ball, search: &BallSearch) -> Result<Frame> {
 
 /// Turns an axis to the side of most neighbours; on a tie, of most of the five at the median distance.
 fn towards_most(axis: Vector3<f64>, ball: &Ball, search: &BallSearch, count: usize) -> Result<Vector3<f64>> {
-    let coincident = ball.len() - count;
-    let ahead = ball.offsets().iter().filter(|&&offset| axis.dot(&Vector3::from(offset)) >= 0.0).count();
+    let (coincident, flat) = (ball.len() - count, -FLAT * search.radius());
+    let ahead = ball.offsets().iter().filter(|&&offset| axis.dot(&Vector3::from(offset)) >= flat).count();
     // Coincident points have a product of zero and were counted as ahead.
     let ahead = ahead - coincident;
     let keeps = match (2 * ahead).cmp(&count) {

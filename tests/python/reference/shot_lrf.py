@@ -6,6 +6,7 @@ from .neighborhood import FloatArray, ball
 from .normals import plane
 
 NONE = np.full((3, 3), np.nan)
+FLAT = 1e-9
 
 
 def shot_lrf(points: FloatArray, keypoint: int, *, radius: float) -> FloatArray:
@@ -16,14 +17,21 @@ def shot_lrf(points: FloatArray, keypoint: int, *, radius: float) -> FloatArray:
         return NONE
     weights = radius - np.linalg.norm(offsets, axis=1)
     _, vectors = np.linalg.eigh((weights[:, None] * offsets).T @ offsets / weights.sum())
-    x, z = towards_most(vectors[:, 2], offsets), towards_most(vectors[:, 0], offsets)
+    inwards = points.mean(axis=0) - points[keypoint]
+    x, z = (
+        towards_most(axis if axis @ inwards >= 0 else -axis, offsets, FLAT * radius)
+        for axis in (vectors[:, 2], vectors[:, 0])
+    )
     return np.array([x, np.cross(z, x), z])
 
 
-def towards_most(axis: FloatArray, offsets: FloatArray) -> FloatArray:
-    """Turn an axis to the side of most neighbours, on a tie of most of the five around the median."""
+def towards_most(axis: FloatArray, offsets: FloatArray, flat: float) -> FloatArray:
+    """Turn an axis to the side of most neighbours, on a tie of most of the five around the median.
+
+    Neighbours to no side count as ahead.
+    """
     along = offsets @ axis
-    ahead = np.count_nonzero(along >= 0)
+    ahead = np.count_nonzero(along >= -flat)
     behind = len(along) - ahead
     if ahead == behind:
         middle = len(along) // 2
