@@ -5,6 +5,8 @@ from __future__ import annotations
 from html import escape
 from typing import TYPE_CHECKING
 
+from cgroup._show.poses import pose_lines
+
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
@@ -44,8 +46,8 @@ class _Html(str):
 
 
 def pose_html(pose: FloatArray) -> str:
-    """Write a transform as lines of numbers of one width."""
-    lines = "\n".join(" ".join(f"{number:10.4g}" for number in row) for row in pose)
+    """Write a transform as lines of exact numbers of one width."""
+    lines = "\n".join(pose_lines(pose))
     return _Html(
         f'<pre style="margin: 0; padding: 0; background: none; color: inherit; border: 0">{lines}</pre>'
     )

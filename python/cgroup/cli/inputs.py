@@ -6,9 +6,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from cgroup import io
 from cgroup.cli.show.terminal import show_stages
-from cgroup.types import PointCloud
+from cgroup.types import PointCloud, RealArray
 
 
 def read_cloud(file: Path, begin: Callable[[str], object]) -> PointCloud:
@@ -31,7 +33,13 @@ def describe_cloud(role: str, file: Path, cloud: PointCloud) -> dict[str, Any]:
         "points": len(cloud),
         "dropped": cloud.dropped,
         "centroid": cloud.points.mean(axis=0),
+        "extent": extent_of(cloud.points),
     }
+
+
+def extent_of(points: RealArray) -> float:
+    """Return the diagonal of the box around points."""
+    return float(np.linalg.norm(np.ptp(points.astype(np.float64, copy=False), axis=0)))
 
 
 def describe_pair(files: tuple[Path, Path], clouds: tuple[PointCloud, PointCloud]) -> list[dict[str, Any]]:

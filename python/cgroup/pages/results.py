@@ -9,6 +9,7 @@ import numpy as np
 
 from cgroup._checks.values import as_instance, as_items
 from cgroup._show.drawing import as_flags, as_points
+from cgroup._show.poses import pose_lines
 from cgroup.comparison import MethodResult, find_correct
 from cgroup.errors import InputError
 from cgroup.evaluation import rotation_error, translation_error
@@ -90,7 +91,7 @@ def registration_page(
         correct=None if correct is None else as_flags("correct", correct, len(matches)),
         truth=true_pose,
         selections=[Selection("register", registration.grouping)],
-        facts=_facts(registration, true_pose),
+        facts=_facts(registration, true_pose, as_points("source", source)),
     )
     return view_html(view)
 
@@ -110,9 +111,10 @@ def _lead(registration: Registration, refusal: str | None) -> str:
     return f'<p class="lead quiet">{sure} It lays {share} on the target, and {count} together.</p>'
 
 
-def _facts(registration: Registration, truth: FloatArray | None) -> list[tuple[str, str]]:
+def _facts(registration: Registration, truth: FloatArray | None, source: FloatArray) -> list[tuple[str, str]]:
     pose = registration.T_target_source
-    lines = "\n".join(" ".join(f"{number:12.6g}" for number in row) for row in pose)
+    extent = float(np.linalg.norm(np.ptp(source, axis=0)))
+    lines = "\n".join(pose_lines(pose, source.mean(axis=0), extent))
     shares = [f"{100 * share:.0f} %" for share in (registration.fitness, registration.target_fitness)]
     facts: list[tuple[str, Any]] = [
         ("pose", f"<pre>{lines}</pre>"),

@@ -14,6 +14,7 @@ from cgroup import io
 from cgroup._checks.values import as_length
 from cgroup.cli import options
 from cgroup.cli.command import command, make_app
+from cgroup.cli.inputs import extent_of
 from cgroup.cli.options import argument, option
 from cgroup.cli.show.json import Document
 from cgroup.cli.show.terminal import print_facts, print_files, print_line, print_pose, show_stages
@@ -48,7 +49,7 @@ def print_group(document: Document) -> None:
     if found["T_target_source"] is None:
         print_facts(("no pose", found["why_no_pose"]))
     else:
-        print_pose(found["T_target_source"])
+        print_pose(found["T_target_source"], document["inputs"][0])
         print_facts(
             ("residuals", f"root mean square {_length(found['residual_rms'], pr)}"),
             ("", f"largest {_length(found['residual_max'], pr)}"),
@@ -134,6 +135,7 @@ def group_command(
         "file": correspondences,
         "matches": len(given),
         "centroid": given.source.mean(axis=0, dtype=np.float64) if len(given) else None,
+        "extent": extent_of(given.source) if len(given) else None,
     }
     return {
         "inputs": [matches],

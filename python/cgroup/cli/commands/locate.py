@@ -42,7 +42,7 @@ def _print_places(document: Document, *, wide: bool) -> None:
             ("time", f"{sum(places[0]['seconds'].values()):.2f} s"),
         )
     if done["ok"]:
-        print_pose(places[0]["T_target_source"], "scan", "map")
+        print_pose(places[0]["T_target_source"], document["inputs"][0], "scan", "map")
     if len(places) > 1:
         print_line("where the origin of the scan's frame lies in the map")
         origins = [[show_length(row[3]) for row in place["T_target_source"][:3]] for place in places]
@@ -129,7 +129,7 @@ def _open_map(file: Path, voxel: float | None, kept: Path | None, begin: Any) ->
             if value is not None:
                 raise InputError(name, remedy="for a map that is a cloud, and this one is a folder")
         place = PreparedMap.load(file)
-        unread = {"points": len(place.points), "dropped": None, "centroid": None}
+        unread = {"points": len(place.points), "dropped": None, "centroid": None, "extent": None}
         return place, {"role": "map", "file": file, **unread}
     cloud = read_cloud(file, begin)
     place = prepare_map(cloud, voxel=voxel, progress=begin)

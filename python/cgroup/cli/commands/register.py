@@ -119,7 +119,7 @@ def print_registration(document: Document, *, verbose: bool = False) -> None:
             ("matches", f"{done['matches']}, of which the pose lays {done['selected']} together"),
             ("time", ", ".join(times)),
         )
-    print_pose(done["T_target_source"])
+    print_pose(done["T_target_source"], document["inputs"][0])
     if files:
         _print_files(files)
 

@@ -19,6 +19,7 @@ import typer
 from cgroup import io
 from cgroup._checks.quoting import escape
 from cgroup._runtime.progress import ignore_progress
+from cgroup._show.poses import pose_lines
 from cgroup.cli.streams import write_error
 
 if TYPE_CHECKING:
@@ -70,11 +71,13 @@ def print_facts(*facts: tuple[str, str]) -> None:
         print_prose(f"{name:<{_NAMES_WIDTH - 1}} {text}", " " * _NAMES_WIDTH)
 
 
-def print_pose(pose: Iterable[Sequence[float]], source: str = "source", target: str = "target") -> None:
-    """Print a transform, row by row."""
+def print_pose(
+    pose: Iterable[Sequence[float]], moved: Mapping[str, Any], source: str = "source", target: str = "target"
+) -> None:
+    """Print a transform, row by row, so that it reproduces where it moves a cloud of a document."""
     print_line(f"pose of the {source} in the {target}'s frame")
-    for row in pose:
-        print_line("  " + " ".join(f"{number:12.6g}" for number in row))
+    for line in pose_lines(list(pose), moved.get("centroid"), moved.get("extent")):
+        print_line(f"  {line}")
 
 
 def print_clouds(inputs: Iterable[Mapping[str, Any]]) -> None:

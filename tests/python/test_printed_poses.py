@@ -1,0 +1,99 @@
+"""Printed poses reproduce where they move a cloud, near the origin and far from it, in few digits where these do."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_lines import succeed
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from cgroup._show.notebook import pose_html
+from cgroup._show.poses import pose_lines
+from cgroup.datasets import standin_pair
+from cgroup.io import read_cloud, write_cloud
+from cgroup.rigid import apply, invert, turn
+from cgroup.types import FloatArray
+
+UTM = np.array([431_287.25, 5_412_093.5, 312.0])
+
+
+def shifted(by: FloatArray) -> FloatArray:
+    pose = np.eye(4)
+    pose[:3, 3] = by
+    return pose
+
+
+def parse(lines: list[str]) -> FloatArray:
+    return np.array([[float(word) for word in line.split()] for line in lines])
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(-4, 7), st.floats(-4, 4), st.floats(-3, 3))
+@example(seed=0, away=6.7, extent=2.0, scale=0.0)
+def test_printed_poses_move_clouds_to_the_same_place(
+    seed: int, away: float, extent: float, scale: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    points = 10**extent * rng.uniform(-0.5, 0.5, (50, 3)) + 10**away * rng.normal(size=3)
+    quaternion = rng.normal(size=4)
+    pose = np.eye(4)
+    pose[:3, :3] = 10**scale * turn(*(quaternion / np.linalg.norm(quaternion)))
+    pose[:3, 3] = 10**away * rng.normal(size=3) + 10**extent * rng.normal(size=3)
+    size = float(np.linalg.norm(np.ptp(points, axis=0)))
+    read = parse(pose_lines(pose, points.mean(axis=0), size))
+    rounding = (
+        20 * np.finfo(float).eps * (np.abs(apply(pose, points)).max() + 10**scale * np.abs(points).max())
+    )
+    assert np.linalg.norm(points @ (read - pose)[:3, :3].T + (read - pose)[:3, 3], axis=1).max() <= (
+        1e-9 * 10**scale * size + rounding
+    )
+    np.testing.assert_array_equal(parse(pose_lines(pose)), pose)
+
+
+def test_few_digits_suffice_near_the_origin() -> None:
+    assert pose_lines(np.eye(4), np.zeros(3), 1.0)[0].split() == ["1", "0", "0", "0"]
+    pose = shifted(np.array([1 / 3, -1e-14, 0.25]))
+    pose[:3, :3] = turn(0.0, 0.0, np.sin(0.1), np.cos(0.1))
+    words = [line.split() for line in pose_lines(pose, np.zeros(3), 100.0)]
+    assert [row[3] for row in words] == ["0.33333333", "0", "0.25", "1"]
+    assert all(len(word) <= 14 for row in words for word in row)
+
+
+def test_notebooks_show_poses_exactly() -> None:
+    pose = shifted(UTM + 1 / 3)
+    text = re.sub("<.*?>", "", pose_html(pose))
+    np.testing.assert_array_equal(parse(text.splitlines()), pose)
+
+
+@pytest.mark.parametrize("command", ["register", "locate", "group"])
+def test_commands_and_pages_print_poses_of_georeferenced_clouds(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    pair, there = standin_pair(pixels=60), shifted(UTM)
+    write_cloud("source.ply", pair.source.transformed(there))
+    write_cloud("target.ply", pair.target.transformed(there))
+    points = read_cloud("source.ply").points
+    line: tuple[str, ...] = ("register", "source.ply", "target.ply", "--html")
+    if command == "locate":
+        line = ("locate", "source.ply", "--map", "target.ply")
+    elif command == "group":
+        true = there @ pair.T_target_source @ invert(there)
+        np.savetxt("matches.txt", np.hstack([points, apply(true, points)])[::40], fmt="%.9f")
+        line = ("group", "matches.txt")
+    said = succeed(capsys, *line).splitlines()
+    first = next(row for row, text in enumerate(said) if text.startswith("pose of the"))
+    printed = parse(said[first + 1 : first + 5])
+    found = json.loads(succeed(capsys, *line, "--json"))["results"]
+    pose = np.array(
+        found["places"][0]["T_target_source"] if command == "locate" else found["T_target_source"]
+    )
+    within = 2e-9 * np.linalg.norm(np.ptp(points, axis=0)) + 1e-8  # rounding of either product
+    assert np.abs(apply(printed, points) - apply(pose, points)).max() < within
+    if command == "register":
+        page = Path("out/source_on_target.html").read_text(encoding="utf-8")
+        shown = re.search(r"<pre>(.*?)</pre>", page, re.DOTALL)
+        assert shown is not None
+        assert np.abs(apply(parse(shown[1].splitlines()), points) - apply(pose, points)).max() < within
