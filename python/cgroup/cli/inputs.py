@@ -10,6 +10,7 @@ import numpy as np
 
 from cgroup import io
 from cgroup.cli.show.terminal import show_stages
+from cgroup.io._attributes import unkept_attributes
 from cgroup.types import PointCloud, RealArray
 
 
@@ -34,6 +35,7 @@ def describe_cloud(role: str, file: Path, cloud: PointCloud) -> dict[str, Any]:
         "dropped": cloud.dropped,
         "centroid": cloud.points.mean(axis=0),
         "extent": extent_of(cloud.points),
+        "not_kept": unkept_attributes(file),
     }
 
 

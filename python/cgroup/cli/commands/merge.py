@@ -19,6 +19,7 @@ from cgroup.cli.show.tables import Column, print_table, show_length
 from cgroup.cli.show.terminal import print_facts, print_line, show_stages, write_figure
 from cgroup.cli.wording import is_given
 from cgroup.errors import CgroupError
+from cgroup.io._attributes import unkept_attributes
 from cgroup.io._files import check_outputs
 from cgroup.io._folders import find_clouds
 from cgroup.io._results import Results, make_folder
@@ -89,6 +90,7 @@ def _print_scene(document: Document, *, wide: bool) -> None:
             print_line(f"{len(shown)} of {len(edges)} edges; --json has all")
         print_line("")
     kept = sum(edge["kept"] for edge in edges)
+    unkept = list(dict.fromkeys(name for one in document["inputs"] for name in one["not_kept"]))
     print_facts(
         ("components", ", ".join(counted(len(rows), "scan") for rows in done["components"])),
         ("pairs", f"{done['tried']} tried; of the edges {kept} kept, {len(edges) - kept} dropped"),
@@ -96,6 +98,7 @@ def _print_scene(document: Document, *, wide: bool) -> None:
         ("voxel", f"{done['voxel']:.4g} (in the files' unit, as all lengths)"),
         ("time", f"{sum(done['seconds'].values()):.2f} s"),
         *(("note", note) for note in done["notes"]),
+        *([("not kept", f"{', '.join(unkept)} of the scans")] if unkept else []),
     )
     width = max((len(file.name) for file in files), default=0)
     if files:
@@ -288,14 +291,17 @@ def _describe(scene: Scene, files: Sequence[Path], begin: Any) -> tuple[list[Doc
     scans: list[Document] = []
     for row, file in enumerate(files):
         if row not in component:
-            inputs.append({"points": None, "dropped": None, "centroid": None})
+            inputs.append({"points": None, "dropped": None, "centroid": None, "not_kept": []})
             scans.append(_describe_scan(scene, row, None, (None, None)))
             continue
         begin(f"reading {file.name}")
         cloud = cloud_of(scene, row)
         middle = cloud.points.mean(axis=0)
         deviations = deviations_at(scene.covariance[row], apply(scene.poses[row], middle[None])[0])
-        inputs.append({"points": len(cloud), "dropped": cloud.dropped, "centroid": middle})
+        unkept = unkept_attributes(file)
+        inputs.append(
+            {"points": len(cloud), "dropped": cloud.dropped, "centroid": middle, "not_kept": unkept}
+        )
         scans.append(_describe_scan(scene, row, component[row], deviations))
     return inputs, scans
 

@@ -85,7 +85,9 @@ def print_clouds(inputs: Iterable[Mapping[str, Any]]) -> None:
     for cloud in inputs:
         dropped = cloud["dropped"]
         left_out = f", {dropped} more without finite coordinates left out" if dropped else ""
-        print_facts((cloud["role"], f"{cloud['file']}: {cloud['points']} points{left_out}"))
+        unkept = cloud.get("not_kept") or ()  # older documents have none
+        lost = f"; {', '.join(unkept)}: neither used nor kept" if unkept else ""
+        print_facts((cloud["role"], f"{cloud['file']}: {cloud['points']} points{left_out}{lost}"))
 
 
 def print_files(document: Mapping[str, Any]) -> None:

@@ -1,0 +1,63 @@
+"""Attributes of points that no output has are named: per file in documents, and on the terminal."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_lines import succeed
+
+from cgroup.datasets import standin_pair
+from cgroup.io import write_cloud
+from cgroup.io._attributes import unkept_attributes
+
+
+def ply_of(points: np.ndarray, *names: str) -> bytes:
+    """Binary PLY with further numbers per point."""
+    lines = ["ply", "format binary_little_endian 1.0", f"element vertex {len(points)}"]
+    lines += [f"property double {name}" for name in ("x", "y", "z", *names)]
+    more = np.zeros((len(points), len(names)))
+    return "\n".join([*lines, "end_header", ""]).encode() + np.hstack([points, more]).tobytes()
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "wanted"),
+    [
+        ("a.ply", ply_of(np.eye(3), "nx", "Red", "intensity", "scalar_GPS", "\x1b[2J"), None),
+        ("b.pcd", b"VERSION 0.7\nFIELDS x y z rgb intensity ring _\nDATA ascii\n", ["intensity", "ring"]),
+        ("c.las", bytes(104) + b"\x06" + bytes(200), None),
+        ("d.laz", bytes(104) + b"\x80" + bytes(200), None),
+        ("e.bin", bytes(16), ["reflectance"]),
+        ("f.xyz", b"0 0 0 7\n", []),
+        ("g.las", b"", None),
+        ("h.ply", b"element", []),
+    ],
+)  # fmt: skip
+def test_headers(tmp_path: Path, name: str, content: bytes, wanted: list[str] | None) -> None:
+    (tmp_path / name).write_bytes(content)
+    found = unkept_attributes(tmp_path / name)
+    assert all(text.isprintable() for text in found)
+    if name == "a.ply":
+        assert found[:2] == ["intensity", "scalar_GPS"]
+    elif wanted is None:
+        assert {"intensity", "classification"} <= {*found}
+        assert ("GPS time" in found) == (name == "c.las")
+    else:
+        assert found == wanted
+
+
+def test_commands_name_what_their_outputs_lack(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    pair = standin_pair(pixels=60)
+    Path("source.ply").write_bytes(ply_of(pair.source.points, "intensity", "gps_time"))
+    write_cloud("target.ply", pair.target)
+    assert "intensity, gps_time: neither used nor kept" in " ".join(
+        succeed(capsys, "register", "source.ply", "target.ply").split()
+    )
+    said = json.loads(succeed(capsys, "register", "source.ply", "target.ply", "--json"))
+    assert [one["not_kept"] for one in said["inputs"]] == [["intensity", "gps_time"], []]
+    assert "not kept    intensity, gps_time of the scans" in succeed(
+        capsys, "merge", "source.ply", "target.ply", "--out", "scene"
+    )
