@@ -30,7 +30,7 @@ from cgroup.evaluation.result_files import (
     read_results,
     read_truth,
 )
-from cgroup.io import read_cloud, write_file
+from cgroup.io import read_cloud, read_transforms, write_file
 from cgroup.io._graphs import motion_lines
 from cgroup.io._logs import format_log
 from cgroup.rigid import apply, invert, turn
@@ -580,7 +580,9 @@ def test_pairs_count_by_the_difference_of_their_numbers(tmp_path, capsys):
     scored = score_poses(truth, truth)
     apart = read_protocol("3dmatch").recalls[1]
     assert apart.counted(scored).tolist() == [False, True, True]
-    truth.information[1:] = np.eye(6)  # those of pairs that don't count aren't missed
+    information = truth.information.copy()
+    information[1:] = np.eye(6)  # those of pairs that don't count aren't missed
+    truth = replace(truth, information=information)
     assert apart.is_known(score_poses(truth, truth))
     command = ("evaluate", tmp_path / "truth.csv", "--protocol", "3dmatch", "--truth", tmp_path / "one.csv")
     (tmp_path / "one.csv").write_text("target,source,tx,ty,tz,qx,qy,qz,qw\n0,1,0,0,0,0,0,0,1\n")
@@ -746,3 +748,47 @@ pairs = 4
         own = rows[rows["method"] == method]
         assert sorted(right.tolist()) == sorted(own["right"].tolist())
         np.testing.assert_allclose(sorted(errors.translation), sorted(own["translation_error"]), atol=1e-6)
+
+
+ZEROS = "0 0 0 0\n" * 4
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("a.tum", "inf 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1\n"),
+        ("a.tum", "nan 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1\n"),
+        ("a.tum", "1e300 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1\n"),
+        ("a.log", f"0 0 2\n{ZEROS}1 1 2\n{ZEROS}"),
+        ("a.log", f"0 1 2\n{ZEROS}"),
+        ("a.log", f"{10**400} 1 2\n1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n"),
+        ("a.csv", "target,source,tx,ty,tz,qx,qy,qz,qw\n0,1," + "x" * 200_000 + ",2,3,0,0,0,1\n"),
+        ("a.csv", f"target,source,tx,ty,tz,qx,qy,qz,qw\n{10**400},1,1,2,3,0,0,0,1\n"),
+        ("a.json", "[" * 100_000),
+        ("a.json", '{"command": "merge", "results": {"scans": [' + "1" + "0" * 400 + "]}}"),
+    ],
+)
+def test_what_is_no_result_is_refused(tmp_path, name, content):
+    (tmp_path / name).write_text(content)
+    with pytest.raises(InputError, match=name):
+        read_truth(tmp_path / name)
+
+
+@pytest.mark.parametrize("number", [np.inf, np.nan, 1e300, -1.0, 0.5, np.uint64(2**63)])
+def test_pairs_of_no_whole_numbers_are_refused(tmp_path, number):
+    np.savez(tmp_path / "a.npz", pairs=np.array([[0, number]]), poses=np.eye(4)[None])
+    with pytest.raises(InputError, match="give whole numbers"):
+        read_truth(tmp_path / "a.npz")
+
+
+def test_all_pairs_of_clouds_are_those_of_single_solutions(tmp_path):
+    rng = np.random.default_rng(1)
+    turns = rng.normal(size=(160, 4))
+    turns /= np.linalg.norm(turns, axis=1, keepdims=True)
+    rows = np.column_stack([np.arange(160), rng.normal(size=(160, 3)), turns])
+    np.savetxt(tmp_path / "a.tum", rows, fmt="%.17g")
+    poses, truth = read_transforms(tmp_path / "a.tum"), read_truth(tmp_path / "a.tum")
+    assert len(truth.keys) == 160 * 159 / 2
+    for row in rng.integers(0, len(truth.keys), 50):
+        _, i, j = truth.keys[row]
+        np.testing.assert_allclose(truth.poses[row], np.linalg.solve(poses[i], poses[j]), atol=1e-12)

@@ -16,7 +16,11 @@ import pytest
 from cloud_files import CLOUDS, TETRAHEDRON, npy, npz
 from e57_files import e57, integer
 
-from cgroup.errors import InputError
+from cgroup import features
+from cgroup._checks.arrays import as_rows
+from cgroup.benchmark.config import parse_config
+from cgroup.errors import InputError, OutOfMemoryError
+from cgroup.evaluation.recall_protocols import read_protocol
 from cgroup.io import read_cloud, read_correspondences, read_descriptors, read_transform
 from interrupts import interrupt, posix_only
 
@@ -290,3 +294,19 @@ for path in sorted(Path({str(tmp_path)!r}).iterdir()):
 print("fine")
 """
     assert subprocess.check_output([sys.executable, "-c", program], text=True) == "fine\n"
+
+
+def test_texts_nested_too_deeply_are_refused(tmp_path: Path) -> None:
+    text = "a = " + "[" * 100_000
+    (tmp_path / "own.toml").write_text(text)
+    with pytest.raises(InputError, match="own.toml"):
+        read_protocol(str(tmp_path / "own.toml"))
+    with pytest.raises(InputError, match="not TOML"):
+        parse_config(text)
+
+
+def test_arrays_that_memory_cannot_hold_are_an_error_of_memory() -> None:
+    with pytest.raises(OutOfMemoryError, match="no memory"):
+        features.voxel_downsample(np.broadcast_to(np.zeros(3), (10**13, 3)), 1.0)
+    with pytest.raises(InputError, match="index"):
+        as_rows("rows", np.array([1, 2**63], np.uint64))

@@ -14,6 +14,7 @@ import numpy as np
 from cgroup._checks.foreign import ACCEPTED, as_host_array, cloud_parts
 from cgroup._checks.quoting import cut, escape, show
 from cgroup._checks.values import refusal
+from cgroup._runtime.memory import report_refused_memory
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
@@ -85,13 +86,12 @@ def as_reals(name: str, value: ArrayLike, remedy: str = "give an array of real n
     if array.dtype.kind not in "fiub":
         got = show(value) if array.ndim == 0 else f"an array of {array.dtype}"
         raise InputError(name, got, remedy)
-    if array.dtype not in AS_THEY_ARE:
-        with np.errstate(over="ignore"):  # to infinity, which is refused or not as any other
-            array = array.astype(np.float64)
-    if array.flags.c_contiguous and array.flags.aligned:
+    if array.dtype in AS_THEY_ARE and array.flags.c_contiguous and array.flags.aligned:
         return array
     # Fields of packed records are neither aligned nor a whole number of elements apart.
-    return np.require(array, None, ["C_CONTIGUOUS", "ALIGNED"])
+    with report_refused_memory(), np.errstate(over="ignore"):  # to infinity, refused or not as any other
+        kept = array.dtype if array.dtype in AS_THEY_ARE else np.float64
+        return np.require(array, kept, ["C_CONTIGUOUS", "ALIGNED"])
 
 
 def real_points(name: str, value: object) -> RealArray:
@@ -228,4 +228,6 @@ def _as_indices(name: str, array: NDArray[Any]) -> IndexArray:
     if (array < 0).any():
         row = np.unravel_index(int(np.argmax(array < 0)), array.shape)
         raise InputError(name, f"index {array[row]} in row {row[0]}", "give rows of `points`, counted from 0")
+    if array.dtype == np.uint64 and (array >= 2**63).any():
+        raise InputError(name, f"index {array.max()}", "give rows of `points`, counted from 0")
     return np.ascontiguousarray(array, dtype=np.int64)

@@ -533,7 +533,7 @@ def parse_config(text: str, name: str = "configuration") -> Config:
     """
     try:
         return Config.model_validate(tomllib.loads(text))
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError, OverflowError) as error:
         message = f"{name}: not TOML: {error}"
         raise InputError(message) from error
     except ValidationError as error:

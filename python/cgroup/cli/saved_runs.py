@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import platform
 import re
@@ -14,7 +13,7 @@ from typing import cast
 from cgroup._checks.quoting import show
 from cgroup.cli.show.json import SCHEMA_VERSION, Document, as_text
 from cgroup.errors import InputError
-from cgroup.io._files import digest_of, digests_of_inputs, read_content, write_file
+from cgroup.io._files import digest_of, digests_of_inputs, load_json, read_content, write_file
 from cgroup.io._results import check_folder, make_folder
 
 FOLDER = "CGROUP_RESULTS"
@@ -97,8 +96,8 @@ def load_run(name: str) -> Document:
         raise InputError(message)
     content = read_content(path)
     try:
-        document = json.loads(content)
-    except (ValueError, RecursionError) as error:
+        document = load_json(content)
+    except ValueError as error:
         message = f"{path}: not a saved run, or cut off ({' '.join(str(error).split())[:80]})"
         raise InputError(message) from error
     if not isinstance(document, dict) or not all(

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from typing import TYPE_CHECKING, Any
 
 from cgroup.errors import InputError
-from cgroup.io._files import load_text
+from cgroup.io._files import load_json, load_text
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -18,7 +17,7 @@ def manifest_pairs(root: Path, dataset: str) -> list[dict[str, Any]]:
     if not path.is_file():
         return []
     try:
-        entries: Any = json.loads(load_text(path))
+        entries: Any = load_json(load_text(path))
     except ValueError as error:
         message = f"{path}: not a readable manifest ({error})"
         raise InputError(message) from error

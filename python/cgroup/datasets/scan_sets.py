@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -16,7 +15,7 @@ from cgroup.datasets.stanford import read_views
 from cgroup.datasets.threedmatch import ThreeDMatch
 from cgroup.errors import InputError
 from cgroup.io import read_cloud
-from cgroup.io._files import load_text
+from cgroup.io._files import load_json, load_text
 from cgroup.rigid import apply, check_rigid, invert
 
 if TYPE_CHECKING:
@@ -99,7 +98,7 @@ def read_folder(folder: Path) -> ScanSet:
     """
     path = folder / "set.json"
     try:
-        entries: Any = json.loads(load_text(path))["scans"]
+        entries: Any = load_json(load_text(path))["scans"]
         files = [(str(each["file"]), each["world_from_scan"]) for each in entries]
     except (ValueError, KeyError, TypeError) as error:
         message = f"{path}: not a list of scans, each with `file` and `world_from_scan` ({error!r})"

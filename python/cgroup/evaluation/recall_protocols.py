@@ -153,7 +153,7 @@ def read_protocol(name: str) -> RecallProtocol:
         table = tomllib.loads(text)
         recalls = [Recall(**one) for one in table.pop("recall", ())]
         return RecallProtocol(recalls=recalls, **table)
-    except (tomllib.TOMLDecodeError, TypeError, InputError) as error:
+    except (ValueError, TypeError, AttributeError, RecursionError, OverflowError) as error:
         message = f"{name}: not a protocol: {error}"
         raise InputError(message) from error
 
@@ -182,8 +182,10 @@ def score_poses(truth: PairPoses, found: PairPoses, *, inverse: bool = False) ->
     cosine = (np.einsum("nij,nij->n", ours[:, :3, :3], theirs[:, :3, :3]) - 1) / 2
     rotation[answered] = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
     translation[answered] = np.linalg.norm(ours[:, :3, 3] - theirs[:, :3, 3], axis=1)
-    rmse[answered] = np.sqrt(np.maximum(redwood_errors(ours, theirs, truth.information[answered]), 0))
-    rmse[np.isnan(truth.information[:, 0, 0])] = np.nan
+    is_known = ~np.isnan(truth.information[:, 0, 0])
+    rows_known, among = answered & is_known, is_known[answered]
+    squares = redwood_errors(ours[among], theirs[among], truth.information[rows_known])
+    rmse[rows_known], rmse[~is_known] = np.sqrt(np.maximum(squares, 0)), np.nan
     notes = [f"{len(unknown)} pairs aren't in the truth, such as {unknown[0]}: left out"] if unknown else []
     refused, overlap = ~answered & ~missing, truth.overlap
     return PairErrors(found.name, truth.keys, rotation, translation, rmse, refused, missing, overlap, notes)

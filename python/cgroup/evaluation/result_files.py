@@ -7,10 +7,9 @@ frame, as ``i j`` of Redwood's logs does. Trajectories and graphs give the pairs
 from __future__ import annotations
 
 import csv
-import json
 import re
 from dataclasses import dataclass, field
-from itertools import combinations
+from itertools import combinations, islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -19,7 +18,7 @@ import numpy as np
 from cgroup._checks.quoting import escape
 from cgroup.errors import InputError
 from cgroup.evaluation.recalls import check_information
-from cgroup.io._files import load_numbers, load_text, naming, parse_file
+from cgroup.io._files import load_json, load_numbers, load_text, naming, parse_file
 from cgroup.io._graphs import parse_json, parse_text
 from cgroup.io._logs import read_matrices
 from cgroup.io._names import find_names, last_numbers, names_file
@@ -40,6 +39,12 @@ _UNNAMED = {"est", "gt", "poses", "graph", "result", "results", "trajectory"}
 
 _MOST_CLOUDS = 1_000
 """Of which all pairs are the truth."""
+
+_BLOCK = 10_000
+"""Pairs whose poses are found at once."""
+
+_LARGEST_NUMBER = 1 << 53
+"""Numbers of clouds are smaller, so that a float holds each exactly."""
 
 _TAIL = "-evaluation"  # of folders of 3DMatch
 _QUATERNION = ["tx", "ty", "tz", "qx", "qy", "qz", "qw"]
@@ -96,7 +101,9 @@ def read_results(path: Path, truth: PairPoses | None = None) -> list[PairPoses |
     scenes = sorted({key[0] for key in truth.keys}) if truth else []
     told = {file: next((name for name in _names_of(file) if name in scenes), "") for file in files}
     only = scenes[0] if len(scenes) == 1 and not any(told.values()) else ""
-    found: dict[Key, tuple[FloatArray, Path]] = {}
+    found: dict[Key, Path] = {}
+    matrices: list[FloatArray] = []
+    refused = np.full((4, 4), np.nan)
     clouds: dict[str, dict[int, str]] = {}
     for file in files:
         rows, scene = _READERS.get(file.suffix.lower(), _read_trajectory)(file), told[file] or only
@@ -105,22 +112,27 @@ def read_results(path: Path, truth: PairPoses | None = None) -> list[PairPoses |
             named = {number: rows.names.get(row, "") for row, number in numbers.items()}
             clouds.setdefault(scene or _names_of(file)[0], {}).update(named)
             rows = _pairs_among(file, rows, numbers, truth, scene)
+        usual = scene or _names_of(file)[0]
         for name, i, j, pose in rows:
-            key = name.removesuffix(_TAIL) or scene or _names_of(file)[0], i, j
+            key = name.removesuffix(_TAIL) or usual, i, j
             first = next((other for other in (key, (key[0], j, i)) if other in found), None)
             if first is not None:
-                message = f"{file}: pair {show_pair(key)} is there twice, first in {found[first][1]}"
+                message = f"{file}: pair {show_pair(key)} is there twice, first in {found[first]}"
                 raise InputError(message)
-            found[key] = np.full((4, 4), np.nan) if pose is None else pose, file
+            if max(abs(i), abs(j)) >= _LARGEST_NUMBER:
+                message = f"{file}: a cloud's number has more than 15 digits; number clouds from 0"
+                raise InputError(message)
+            found[key] = file
+            matrices.append(refused if pose is None else pose)
     if not found:
         of = ", ".join(scenes) or "any scene"
         message = f"{path}: holds no poses of pairs of {of}; files of some end in {', '.join(_SUFFIXES)}"
         raise InputError(message)
-    poses = np.array([pose for pose, _ in found.values()])
+    poses = np.array(matrices)
     poses[~np.isfinite(poses).all(axis=(1, 2))] = np.nan
     for row in np.flatnonzero(~are_rigid(poses) & ~np.isnan(poses[:, 0, 0])):
         key = list(found)[row]
-        check_rigid(poses[row], f"{found[key][1]}: pose of pair {show_pair(key)}")
+        check_rigid(poses[row], f"{found[key]}: pose of pair {show_pair(key)}")
     return [PairPoses(path.stem, list(found), poses, clouds=clouds)]
 
 
@@ -131,10 +143,12 @@ def read_truth(path: Path) -> PairPoses:
         message = f"{path}: not a truth; give the true pose of every pair"
         raise InputError(message)
     rows = {key: row for row, key in enumerate(known.keys)}
-    information, overlap = np.full((len(rows), 6, 6), np.nan), np.full(len(rows), np.nan)
+    information: FloatArray = np.broadcast_to(np.nan, (len(rows), 6, 6))  # takes no memory
+    overlap = np.full(len(rows), np.nan)
     for file in _files_of(path, is_truth=True):
         scene, info, shares = _names_of(file)[0], *map(file.with_name, ("gt.info", "gt_overlap.log"))
         if info.is_file():
+            information = np.require(information, None, ["C", "W"])
             for (i, j), matrix in read_matrices(info, 6, check_information).items():
                 information[rows.get((scene, i, j), [])] = matrix
         if shares.is_file():
@@ -193,7 +207,7 @@ def _number_clouds(clouds: _Clouds, truth: PairPoses | None, scene: str) -> dict
 def _pairs_among(
     file: Path, clouds: _Clouds, numbers: dict[int, int], truth: PairPoses | None, scene: str
 ) -> _Pairs:
-    """Yield poses of pairs of clouds: of those that the truth has, or of all."""
+    """Yield poses of pairs of clouds: of those that the truth has, or of all; solved in blocks."""
     placed: dict[int, tuple[int | None, Any]] = {}
     for row, component, pose in clouds.placed:
         if row not in numbers:  # the truth doesn't name it
@@ -203,13 +217,19 @@ def _pairs_among(
             why = f"cloud {row} is there twice" if is_twice else f"more than {_MOST_CLOUDS} clouds"
             message = f"{file}: {why}; list the pairs that count, each with its pose"
             raise InputError(message)
+        if component is not None:
+            check_rigid(pose, f"{file}: cloud {row}")
         placed[numbers[row]] = component, pose
     asked = [key[1:] for key in truth.keys if key[0] == scene] if truth else combinations(sorted(placed), 2)
-    for i, j in asked:
-        if i in placed and j in placed:
-            (first, target), (second, source) = placed[i], placed[j]
-            is_joined = first is not None and first == second
-            yield "", i, j, np.linalg.solve(target, source) if is_joined else None
+    there = ((i, j) for i, j in asked if i in placed and j in placed)
+    while block := list(islice(there, _BLOCK)):
+        ends = [(placed[i], placed[j]) for i, j in block]
+        is_joined = [first is not None and first == second for (first, _), (second, _) in ends]
+        joined = [(one[1], other[1]) for (one, other), joins in zip(ends, is_joined, strict=True) if joins]
+        targets, sources = np.array(joined).reshape(-1, 2, 4, 4).transpose(1, 0, 2, 3)
+        solved = iter(np.linalg.solve(targets, sources))
+        for (i, j), joins in zip(block, is_joined, strict=True):
+            yield "", i, j, next(solved) if joins else None
 
 
 def _read_log(file: Path) -> _Clouds | _Pairs:
@@ -246,7 +266,11 @@ def _read_trajectory(file: Path) -> _Clouds | _Pairs:
     table = parse_file(file, load_numbers) if is_text else np.empty((0, 0))
     if table.shape == (len(poses), 8):
         numbers, names = table[:, 0], find_names(load_text(file).splitlines()).names
-        numbers = numbers if (numbers == np.floor(numbers)).all() else np.round(1e6 * numbers)
+        with np.errstate(over="ignore", invalid="ignore"):
+            numbers = numbers if (numbers == np.floor(numbers)).all() else np.round(1e6 * numbers)
+        if not (np.abs(numbers) < _LARGEST_NUMBER).all():
+            message = f"{file}: a time is not finite, or too large; give times in seconds or microseconds"
+            raise InputError(message)
     else:
         names, rows = _read_names(file)
         numbers = rows if len(rows) == len(poses) else range(len(poses))
@@ -262,7 +286,7 @@ def _read_npz(file: Path) -> _Pairs:
         pairs, poses = (np.atleast_1d(each) for each in read_arrays(file, ["pairs", "poses"]).values())
         scenes = read_arrays(file, optional=["scenes"], texts=True).get("scenes", np.full(len(pairs), ""))
     fits = poses.shape[1:] == (4, 4) and pairs.shape == (len(poses), 2) and scenes.shape == poses.shape[:1]
-    if not fits or (pairs != np.floor(pairs)).any():
+    if not fits or not ((pairs == np.floor(pairs)) & (pairs >= 0) & (pairs < _LARGEST_NUMBER)).all():
         message = f"{file}: pairs {pairs.shape}, poses {poses.shape}; give whole numbers (n,2), and (n,4,4)"
         raise InputError(message)
     rows = zip(scenes.tolist(), pairs.astype(int).tolist(), poses.astype(float), strict=True)
@@ -270,6 +294,14 @@ def _read_npz(file: Path) -> _Pairs:
 
 
 def _read_csv(file: Path) -> _Pairs:
+    try:
+        yield from _rows_of_csv(file)
+    except csv.Error as error:
+        message = f"{file}: not a table of poses ({error})"
+        raise InputError(message) from error
+
+
+def _rows_of_csv(file: Path) -> _Pairs:
     lines = load_text(file).splitlines()
     separator = next((mark for mark in ";\t" if mark in "".join(lines[:1])), ",")
     table = csv.DictReader(lines, restval="", skipinitialspace=True, delimiter=separator)
@@ -298,7 +330,7 @@ def _read_csv(file: Path) -> _Pairs:
 
 def _read_json(file: Path) -> _Clouds | _Pairs:
     """Read a document of ``cgroup register`` or ``cgroup merge``, or a graph of scans in Open3D's JSON."""
-    document: Any = parse_file(file, json.loads)
+    document: Any = parse_file(file, load_json)
     try:
         if "error" in document:  # a refusal doesn't tell its pair
             source, _, target = file.stem.partition("_on_")
@@ -316,7 +348,7 @@ def _read_json(file: Path) -> _Clouds | _Pairs:
             return _Clouds([(row, *one) for row, one in enumerate(placed)], names)
         source, target = (_last_number(one["file"]) for one in document["inputs"] if is_pose)
         return [("", target, source, _matrix(done["T_target_source"]) if done["ok"] else None)]
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
+    except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
         hint = error if isinstance(error, InputError) else "give what register or merge print by --json"
         message = f"{file}: not a result of cgroup; {hint}"
         raise InputError(message) from error

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import io
+import json
 import os
 import stat
 import struct
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from cgroup import _core
 from cgroup._checks.run_options import run_options
@@ -28,6 +29,8 @@ Result = TypeVar("Result")
 _CHUNK = 16 << 20  # bytes read at a time; a signal is heard in between
 _TRUSTED = 64 << 20  # bytes that any file may grow to
 _MOST_GROWTH = 100  # times that a file may grow beyond; numbers that were measured grow a few times
+_MOST_DIGITS = 20  # of a whole number of 64 bits, with its sign
+_LARGEST = 2**64
 _SHOWN = 160  # characters of a parser's reason that an error shows
 _FLAGS = os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0)
 
@@ -262,6 +265,23 @@ def load_numbers(content: bytes) -> FloatArray:
 def load_text(path: str | os.PathLike[str]) -> str:
     """Read a text: UTF-8, with or without its mark; bytes that aren't become question marks."""
     return read_content(path).decode("utf-8-sig", errors="replace")
+
+
+def load_json(content: str | bytes) -> Any:  # noqa: ANN401 - whatever the text holds
+    """Parse JSON; nests that are too deep, and whole numbers beyond 64 bits, are refused as other text is."""
+    try:
+        return json.loads(content, parse_int=_whole_number)
+    except RecursionError as error:
+        message = "its lists or objects are nested too deeply"
+        raise InputError(message) from error
+
+
+def _whole_number(word: str) -> int:
+    number = int(word) if len(word) <= _MOST_DIGITS else _LARGEST
+    if abs(number) >= _LARGEST:
+        message = f"a number of {len(word)} digits; whole numbers are of 64 bits at most"
+        raise InputError(message)
+    return number
 
 
 def number_lines(rows: FloatArray) -> list[str]:

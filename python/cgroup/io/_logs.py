@@ -37,7 +37,7 @@ def read_matrices(
             rows = [[float(word) for word in line] for line in lines[start + 1 : start + size + 1]]
             matrix = np.array(rows).reshape(size, size)
             found[first, second] = check(matrix, f"pose {first} {second}")
-    except ValueError as error:
+    except (ValueError, OverflowError) as error:
         form = f"{size + 1} lines each: `i j n`, then a {size}x{size} matrix"
         message = f"{path}: not a list of poses; {form} ({error})"
         raise InputError(message) from error

@@ -10,7 +10,7 @@ import numpy as np
 from cgroup._checks.arrays import as_floats
 from cgroup._checks.values import as_path
 from cgroup.errors import InputError
-from cgroup.io._files import load_numbers, number_lines, parse_file
+from cgroup.io._files import load_json, load_numbers, number_lines, parse_file
 from cgroup.io._numpy_files import load_npy, write_array
 from cgroup.rigid import RIGID_TOLERANCE, are_rigid, check_rigid, turn
 
@@ -116,7 +116,7 @@ def _load_text(content: bytes) -> NDArray[Any]:
 
 def _load_json(content: bytes) -> NDArray[Any]:
     """Read lists of numbers, or the only ones of an object."""
-    value = json.loads(content)
+    value = load_json(content)
     if isinstance(value, dict):
         lists = [entry for entry in value.values() if isinstance(entry, list)]
         if len(lists) != 1:
