@@ -1,6 +1,7 @@
 """Scans in maps: where a generated town was scanned, what repeats, and what the map does not show."""
 
 import json
+import os
 import pickle
 import sys
 from functools import cache
@@ -134,6 +135,36 @@ def test_a_folder_without_a_map_is_refused(tmp_path: Path) -> None:
     (tmp_path / "map.json").write_text(json.dumps({"voxels": []}))
     with pytest.raises(InputError, match="no folder that"):
         PreparedMap.load(tmp_path)
+
+
+def test_a_damaged_map_is_refused(tmp_path: Path) -> None:
+    folder = tmp_path / "map"
+    prepare_map(standin_pair().target, voxel=6.0).save(folder)
+    for file in sorted(folder.iterdir()):
+        content = file.read_bytes()
+        middle = len(content) // 2
+        for damaged in (
+            content[:middle],
+            content[:middle] + bytes([content[middle] ^ 4]) + content[middle + 1 :],
+            b"",
+        ):
+            file.write_bytes(damaged)
+            with pytest.raises(InputError, match="no folder that `PreparedMap.save` has written .*; save"):
+                PreparedMap.load(folder)
+        file.unlink()
+        with pytest.raises(InputError, match="no folder that"):
+            PreparedMap.load(folder)
+        if hasattr(os, "mkfifo"):
+            os.mkfifo(file)
+            with pytest.raises(InputError, match="is a pipe"):
+                PreparedMap.load(folder)
+            file.unlink()
+        file.write_bytes(content)
+    loaded = PreparedMap.load(folder)
+    os.truncate(folder / "points.npy", 200)
+    assert np.isfinite(loaded.points).all()
+    with pytest.raises(InputError, match="folder: got None"):
+        PreparedMap.load(None)  # type: ignore[arg-type]
 
 
 def test_a_map_grows() -> None:

@@ -222,6 +222,22 @@ def test_a_damaged_row_is_reported(scans: list[PreparedScan], keep: Path) -> Non
         keep.unlink()
 
 
+def test_flipped_bits_of_a_row_are_reported(scans: list[PreparedScan], keep: Path) -> None:
+    def results() -> list[Any]:
+        with open_workers(scans, 1, keep=keep) as call:
+            return [found and found.poses.tolist() for found in call(link, PAIRS)]
+
+    expected, reported = results(), 0
+    whole = keep.read_bytes()
+    for place in range(whole.index(b'{"poses"'), len(whole), 311):
+        keep.write_bytes(whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1 :])
+        try:
+            assert results() == expected  # of bytes that no row uses
+        except InputError:
+            reported += 1
+    assert reported > 3
+
+
 def test_a_path_that_cannot_be_a_file_is_refused(scans: list[PreparedScan], tmp_path: Path) -> None:
     for path in (tmp_path, tmp_path / "none" / "pairs.sqlite"):
         with pytest.raises(InputError, match="keep: got .*; can't be read or written"):

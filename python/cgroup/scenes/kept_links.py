@@ -1,7 +1,7 @@
 """Finished pairs of scans in one SQLite file, so that a run that was ended goes on from there.
 
-A row stands under a digest of all that its result depends on: both scans, the function with its arguments,
-and the version of the package.
+The key of a row is a digest of all that its result depends on: both scans, the function with its arguments,
+and the version of the package. A second digest, of the key and the result, shows damage.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ if TYPE_CHECKING:
 
     from cgroup.registration import PreparedScan
 
-_LAYOUT = Layout(0x63676C6B, 1, "create table links (key blob primary key, link text) without rowid")
+_TABLE = "create table links (key blob primary key, link text, digest blob) without rowid"
+_LAYOUT = Layout(0x63676C6B, 2, _TABLE)
 """Its `application_id` is "cglk"."""
 
 Task: TypeAlias = tuple[tuple[int, ...], tuple[Any, ...]]
@@ -54,13 +55,16 @@ class KeptLinks:
         found: dict[int, Link | None] = {}
         with self._report_failures(), self._lock:
             for number, task in enumerate(tasks):
-                key = (self._key(function, *task),)
-                row = self._connection.execute("select link from links where key = ?", key).fetchone()
+                key = self._key(function, *task)
+                query = "select link, digest from links where key = ?"
+                row = self._connection.execute(query, (key,)).fetchone()
                 if row is not None:
-                    found[number] = self._read(row[0])
+                    found[number] = self._read(key, *row)
         return found
 
-    def _read(self, text: str) -> Link | None:
+    def _read(self, key: bytes, text: object, digest: object) -> Link | None:
+        if not isinstance(text, str) or digest != _digest(key, text):
+            raise _unusable(self._path, "damaged (a row differs from its checksum)")
         if text == "null":
             return None
         try:
@@ -73,8 +77,10 @@ class KeptLinks:
         """Keep a result for good."""
         key = self._key(function, *task)
         fields = link and {name: np.asarray(value).tolist() for name, value in asdict(link).items()}
+        text = json.dumps(fields)
+        row = key, text, _digest(key, text)
         with self._report_failures(), self._lock:
-            self._connection.execute("insert or replace into links values (?, ?)", (key, json.dumps(fields)))
+            self._connection.execute("insert or replace into links values (?, ?, ?)", row)
 
     def _key(self, function: Callable[..., Any], rows: Sequence[int], arguments: Sequence[object]) -> bytes:
         """Return the digest of all that a result depends on."""

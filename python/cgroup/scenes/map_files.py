@@ -1,4 +1,4 @@
-"""Folders of arrays, that are opened without being read."""
+"""Folders of arrays, each with a checksum."""
 
 from __future__ import annotations
 
@@ -6,12 +6,15 @@ import json
 import os
 import shutil
 import tempfile
+import zlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from cgroup.errors import InputError
+from cgroup.io._files import load_json, read_content
+from cgroup.io._numpy_files import load_npy
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -19,6 +22,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _FACTS = "map.json"
+_VERSION = 2
 
 
 def check_new(folder: Path) -> Path:
@@ -34,21 +38,63 @@ def save_arrays(folder: Path, facts: Mapping[str, Any], arrays: Mapping[str, NDA
     check_new(folder)
     try:
         with tempfile.TemporaryDirectory(dir=folder.absolute().parent) as beside:
-            for name, array in arrays.items():
-                np.save(Path(beside, f"{name}.npy"), array, allow_pickle=False)
-            Path(beside, _FACTS).write_text(json.dumps({**facts, "arrays": list(arrays)}), encoding="utf-8")
+            checks = {name: _save(Path(beside, f"{name}.npy"), array) for name, array in arrays.items()}
+            document = {"version": _VERSION, **facts, "arrays": checks}
+            content = json.dumps({**document, "check": _check_of(document)})
+            Path(beside, _FACTS).write_text(content, encoding="utf-8")
             shutil.copytree(beside, folder, copy_function=os.replace)
     except OSError as error:
         message = f"{folder}: can't be written ({error.strerror or error})"
         raise InputError(message) from error
 
 
+def _save(path: Path, array: NDArray[Any]) -> int:
+    """Write an array, and return the checksum of its file."""
+    np.save(path, array, allow_pickle=False)
+    check = 0
+    with path.open("rb") as file:
+        while chunk := file.read(1 << 20):
+            check = zlib.crc32(chunk, check)
+    return check
+
+
+def _check_of(document: Mapping[str, Any]) -> int:
+    return zlib.crc32(json.dumps(document, sort_keys=True).encode())
+
+
 def load_arrays(folder: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """Open the arrays of a folder."""
+    """Read the arrays of a folder into memory, and compare their checksums.
+
+    A memory-mapped array would end the process where its file is truncated, and could change after the check.
+    """
+    facts = _load_facts(folder)
+    return facts, {name: _load(folder, f"{name}.npy", check) for name, check in facts["arrays"].items()}
+
+
+def _load_facts(folder: Path) -> dict[str, Any]:
     try:
-        facts = json.loads((folder / _FACTS).read_text(encoding="utf-8"))
-        arrays = {name: np.load(folder / f"{name}.npy", mmap_mode="r") for name in facts["arrays"]}
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        message = f"{folder}: no folder that `PreparedMap.save` has written ({error})"
-        raise InputError(message) from error
-    return facts, arrays
+        facts: Any = load_json(read_content(folder / _FACTS))
+        check = facts.pop("check", None)
+    except (ValueError, AttributeError, TypeError) as error:
+        raise not_a_map(folder, error) from error
+    if check is None:
+        raise not_a_map(folder, f"{_FACTS} has no checksum: it is damaged, or of an older version of cgroup")
+    if check != _check_of(facts) or facts["version"] != _VERSION:
+        raise not_a_map(folder, f"{_FACTS} is damaged, or of another version of cgroup")
+    return facts
+
+
+def _load(folder: Path, name: str, check: int) -> NDArray[Any]:
+    try:
+        content = read_content(folder / name)
+    except InputError as error:
+        raise not_a_map(folder, error) from error
+    if zlib.crc32(content) != check:
+        raise not_a_map(folder, f"{name} is damaged")
+    return load_npy(content)
+
+
+def not_a_map(folder: Path, reason: object) -> InputError:
+    """Return the error for a folder that can't be read."""
+    message = f"{folder}: no folder that `PreparedMap.save` has written ({reason}); save the map again"
+    return InputError(message)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +11,7 @@ import numpy as np
 from cgroup import features
 from cgroup._checks.arrays import in_double
 from cgroup._checks.calls import explain_wrong_calls
-from cgroup._checks.values import as_length
+from cgroup._checks.values import as_length, as_path
 from cgroup._runtime.memory import report_refused_memory
 from cgroup._runtime.progress import as_stage_function, ignore_progress
 from cgroup.errors import InputError
@@ -20,7 +19,7 @@ from cgroup.features import Cloud, DescribedCloud, Voxels
 from cgroup.registration import DenseFront
 from cgroup.registration.prepare import LEAST_VOXELS, UNIT, Preparation, assemble
 from cgroup.registration.scan import Scan, as_scan, without_strays
-from cgroup.scenes.map_files import load_arrays, save_arrays
+from cgroup.scenes.map_files import load_arrays, not_a_map, save_arrays
 from cgroup.scenes.plan_view import PlanView, find_layers
 from cgroup.scenes.scene import Scene
 
@@ -240,11 +239,12 @@ class PreparedMap:
         for row, level in enumerate(self.levels):
             arrays |= {f"{row}-{name}": getattr(level, name) for name in _ARRAYS}
         facts = {"voxel": self.voxel, "voxels": [level.voxel for level in self.levels]}
-        save_arrays(Path(folder), facts, arrays)
+        save_arrays(as_path("folder", folder), facts, arrays)
 
     @staticmethod
+    @report_refused_memory()
     def load(folder: str | os.PathLike[str], *, threads: int | None = None) -> PreparedMap:
-        """Open a map that `save` has written; what is not needed stays on disk.
+        """Read a map that `save` has written into memory, and compare its checksums.
 
         Parameters
         ----------
@@ -256,12 +256,14 @@ class PreparedMap:
         Returns
         -------
         PreparedMap
-            Whose arrays are read from their files where they are needed.
+            As it was saved; later changes of the folder don't change it.
 
         Raises
         ------
         InputError
-            If it is no such folder.
+            If it is no such folder, or a file of it is missing or damaged.
+        OutOfMemoryError
+            Where the system gives no memory for the arrays.
 
         Examples
         --------
@@ -272,12 +274,16 @@ class PreparedMap:
         >>> locate(pair.source, PreparedMap.load("place"))[0].ok
         True
         """
-        facts, arrays = load_arrays(Path(folder))
-        levels = [
-            Level(float(voxel), *(arrays[f"{row}-{name}"] for name in _ARRAYS))
-            for row, voxel in enumerate(facts["voxels"])
-        ]
-        return PreparedMap(arrays["points"], levels, facts["voxel"], threads)
+        folder = as_path("folder", folder)
+        facts, arrays = load_arrays(folder)
+        try:
+            levels = [
+                Level(float(voxel), *(arrays[f"{row}-{name}"] for name in _ARRAYS))
+                for row, voxel in enumerate(facts["voxels"])
+            ]
+            return PreparedMap(arrays["points"], levels, facts["voxel"], threads)
+        except (KeyError, TypeError) as error:
+            raise not_a_map(folder, error) from error
 
     def __repr__(self) -> str:
         finest = self.levels[0]
