@@ -156,7 +156,11 @@ VERTEX = "VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1\n"
         (VERTEX + "VERTEX_SE3:QUAT 1 0 0 0 0 0 0 0", "line 2: the quaternion is zero"),
         (VERTEX + VERTEX, "line 2: its node is there twice"),
         (VERTEX + f"EDGE_SE3:QUAT 0 5 0 0 0 0 0 0 1 {UNIT}", "line 2: there is no node 5"),
-        (VERTEX + f"EDGE_SE3:QUAT 0 0 0 0 0 0 0 0 1 {UNIT[:-1]}0", "line 2: the information is not positive"),
+        (
+            VERTEX + f"EDGE_SE3:QUAT 0 0 0 0 0 0 0 0 1 {UNIT[:-1]}-1",
+            "line 2: the information is not positive",
+        ),
+        (VERTEX + f"EDGE_SE3:QUAT 0 0 0 0 0 0 0 0 1 {'0 ' * 21}", "line 2: the information is not positive"),
         (VERTEX + "EDGE_SE2 0 1 0 0 0 1 0 0 1 0 1", "line 2: EDGE_SE2 is not read; give poses in space"),
         (VERTEX + "WORD 3", "line 2: WORD is not read"),
         ("VERTEX_SE3:QUAT .5 0 0 0 0 0 0 1", "line 1: the number of a node is no whole number"),
@@ -168,8 +172,86 @@ def test_bad_lines_are_named(tmp_path, text, message):
         PoseGraph.read(tmp_path / "bad.g2o")
 
 
+@pytest.mark.parametrize("suffix", ["g2o", "json"])
+@pytest.mark.parametrize("kind", ["rounded", "singular", "open"])
+def test_semidefinite_edges_are_read_and_named(tmp_path, suffix, kind):
+    rng = np.random.default_rng(5)
+    truth, graph = random_graph(5, 8)
+    graph.write(tmp_path / f"a.{suffix}")
+    root = rng.normal(size=(6, 5)) * [1, 3, 10, 0.3, 1]
+    matrix = root @ root.T
+    if kind == "rounded":  # to six digits, as files have them: one eigenvalue becomes negative
+        matrix += np.diag(-1e-6 * matrix.diagonal())
+    if kind == "open":
+        matrix = np.diag([4.0, 4, 4, 0, 0, 0])
+    text = (tmp_path / f"a.{suffix}").read_text()
+    swapped = matrix[np.ix_([3, 4, 5, 0, 1, 2], [3, 4, 5, 0, 1, 2])]
+    if suffix == "json":
+        document = json.loads(text)
+        document["edges"][2]["information"] = swapped.ravel().tolist()
+        text = json.dumps(document)
+    else:
+        lines = text.splitlines()
+        row = len(truth) + 2
+        words = lines[row].split()[:10]
+        lines[row] = " ".join([*words, *map(str, swapped[np.triu_indices(6)])])
+        text = "\n".join(lines)
+    (tmp_path / f"a.{suffix}").write_text(text)
+    found = PoseGraph.read(tmp_path / f"a.{suffix}")
+    assert len(found.notes) == 1
+    assert ("edge 2" if suffix == "json" else "line 11") in found.notes[0]
+    np.testing.assert_allclose(found.information[2], matrix, atol=1e-5 * matrix.diagonal().max())
+    for robust in (False, True):
+        best = found.optimize(robust=robust)
+        assert np.isfinite(best.cost)
+        assert best.cost <= found.cost
+        assert best.notes == found.notes
+    best.write(tmp_path / f"b.{suffix}")
+    assert PoseGraph.read(tmp_path / f"b.{suffix}").notes == ()
+
+
+@pytest.mark.parametrize("nodes", [3, 10])
+def test_graphs_of_json_are_optimized(tmp_path, nodes):
+    _, graph = random_graph(2, nodes)
+    graph.write(tmp_path / "a.json")
+    read = PoseGraph.read(tmp_path / "a.json")
+    assert read.optimize().cost == pytest.approx(graph.optimize().cost)
+    fortran = PoseGraph(
+        *(np.asfortranarray(x) for x in (graph.poses, graph.edges, graph.measurements, graph.information))
+    )
+    assert fortran.optimize().cost == graph.optimize().cost
+
+
+def tied_graph(seed, nodes=400, edges=2800):
+    """Return a graph of random pairs, whose factor is nearly full."""
+    rng = np.random.default_rng(seed)
+    truth = np.array(
+        [reference.exponential(np.r_[rng.normal(size=3), 9 * rng.normal(size=3)]) for _ in range(nodes)]
+    )
+    pairs = rng.integers(0, nodes, (edges, 2))
+    pairs = np.concatenate(
+        [np.c_[np.arange(nodes - 1), np.arange(1, nodes)], pairs[pairs[:, 0] != pairs[:, 1]]]
+    )
+    noise = np.array([reference.exponential(0.02 * rng.normal(size=6)) for _ in pairs])
+    measured = np.linalg.inv(truth[pairs[:, 0]]) @ truth[pairs[:, 1]] @ noise
+    return truth, PoseGraph(truth, pairs, measured, np.tile(2500 * np.eye(6), (len(pairs), 1, 1)))
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_graphs_of_random_pairs_are_optimized(seed):
+    truth, graph = tied_graph(seed)
+    best = graph.optimize(threads=1)
+    given = graph.optimize(start="given", threads=2)
+    assert best.cost == pytest.approx(given.cost, rel=1e-6)
+    assert best.cost == pytest.approx(3 * (len(graph.edges) - len(truth) + 1), rel=0.1)  # chi-squared
+    np.testing.assert_array_equal(best.poses, graph.optimize(threads=2).poses)
+    matrix = best.covariance(7)
+    assert (np.linalg.eigvalsh(matrix) > 0).all()
+
+
 def test_bad_json_is_refused(tmp_path):
-    for text in ("[]", "{", '{"nodes": [{"pose": [1]}], "edges": []}'):
+    deep, large = "[" * 100_000, '{"nodes": [{"pose": [' + "1" + "0" * 400 + ']}], "edges": []}'
+    for text in ("[]", "{", '{"nodes": [{"pose": [1]}], "edges": []}', deep, large):
         (tmp_path / "bad.json").write_text(text)
         with pytest.raises(InputError, match=r"no PoseGraph of Open3D"):
             PoseGraph.read(tmp_path / "bad.json")

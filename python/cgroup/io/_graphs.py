@@ -10,7 +10,7 @@ import numpy as np
 
 from cgroup._checks.quoting import cut, escape
 from cgroup.errors import InputError
-from cgroup.io._files import number_lines
+from cgroup.io._files import load_json, number_lines
 from cgroup.io._names import list_names
 from cgroup.rigid import quaternions, turn
 
@@ -27,6 +27,17 @@ _PLACE[_UPPER] = _PLACE.T[_UPPER] = np.arange(21)
 _SWAPPED = (slice(None), *np.ix_([3, 4, 5, 0, 1, 2], [3, 4, 5, 0, 1, 2]))
 """Files of g2o and Open3D have the translation first."""
 
+_SKEWED = 1e-6
+"""Difference from the transpose that rounding may cause, of matrices with a diagonal of ones."""
+
+_ROUNDING = 1e-4
+"""Negative eigenvalues that rounding to few digits may cause, of the same."""
+
+_LEAST = 1e-9
+"""What such eigenvalues are raised to: too little to change a pose."""
+
+_MOST_NAMED = 10
+
 _NUMBERS = {"VERTEX_SE3:QUAT": 8, "VERTEX3": 7, "EDGE_SE3:QUAT": 30, "EDGE3": 29}
 """Numbers after the word that a line begins with."""
 
@@ -40,6 +51,7 @@ class GraphContent(NamedTuple):
     information: FloatArray
     probability: FloatArray
     ids: IndexArray
+    notes: tuple[str, ...]
 
 
 def trust_steps(edges: IndexArray) -> FloatArray:
@@ -69,9 +81,11 @@ def parse_text(content: str) -> GraphContent:
     unknown = np.isin(ends, ids, invert=True)
     missing = f"there is no node {', '.join(map(str, ends[unknown][:1]))}; give its VERTEX_SE3:QUAT"
     _refuse(edge_lines, unknown[:, 0] | unknown[:, 1], missing)
-    _refuse(edge_lines, singular(information), "the information is not positive definite")
+    information, changed = definite(information)
+    _refuse(edge_lines, singular(information), "the information is not positive definite; give one that is")
+    notes = _notes_of(changed, [f"line {line}" for line in edge_lines[changed]])
     edges = np.searchsorted(ids, ends)
-    return GraphContent(poses[first], edges, measurements, information, trust_steps(edges), ids)
+    return GraphContent(poses[first], edges, measurements, information, trust_steps(edges), ids, notes)
 
 
 def _parse_numbers(line: int, kind: str, words: list[str]) -> list[float]:
@@ -118,13 +132,38 @@ def _refuse(lines: IndexArray, is_bad: BoolArray, reason: str) -> None:
         raise InputError(message)
 
 
+def definite(information: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Raise the eigenvalues of semi-definite matrices, those within rounding too; and tell which were raised.
+
+    Eigenvalues are those of the matrix that is scaled to a diagonal of ones.
+    """
+    changed = np.zeros(len(information), bool)
+    for row in np.flatnonzero(singular(information)):
+        matrix = information[row]
+        diagonal = matrix.diagonal()
+        if not (np.isfinite(matrix).all() and (largest := diagonal.max()) > 0 and diagonal.min() >= 0):
+            continue
+        scale = np.sqrt(np.where(diagonal > 0, diagonal, largest))
+        scaled = matrix / np.outer(scale, scale)
+        if np.abs(scaled - scaled.T).max() > _SKEWED:
+            continue
+        values, vectors = np.linalg.eigh(scaled)
+        if values[0] >= -_ROUNDING:
+            if not changed.any():
+                information = information.copy()
+            raised = (vectors * np.maximum(values, _LEAST)) @ vectors.T
+            raised = (raised + raised.T) / 2 * np.outer(scale, scale)
+            information[row], changed[row] = raised, True
+    return information, changed
+
+
 def singular(information: FloatArray) -> BoolArray:
     """Tell which matrices aren't symmetric and positive definite, whatever the units."""
     diagonal = np.sqrt(np.maximum(np.einsum("nii->ni", information), 0))
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         scaled = information / (diagonal[:, :, None] * diagonal[:, None, :])
         skewed = np.abs(scaled - scaled.transpose(0, 2, 1)).max(axis=(1, 2))
-    scaled[~(skewed < 1e-6)] = 0  # also those that aren't finite
+    scaled[~(skewed < _SKEWED)] = 0  # also those that aren't finite
     return np.linalg.eigvalsh(scaled)[:, 0] <= 1e-12
 
 
@@ -147,17 +186,28 @@ def motion_lines(poses: FloatArray) -> list[str]:
 def parse_json(content: str) -> GraphContent:
     """Read Open3D's JSON."""
     try:
-        graph: Any = json.loads(content)
+        graph: Any = load_json(content)
         edges = graph["edges"]
         poses = _by_columns([node["pose"] for node in graph["nodes"]], 4)
         ends = np.array([(edge["target_node_id"], edge["source_node_id"]) for edge in edges])
         measurements = _by_columns([edge["transformation"] for edge in edges], 4)
         information = _by_columns([edge["information"] for edge in edges], 6)[_SWAPPED]
+        information, changed = definite(information)
         probability = np.array([0.5 if edge["uncertain"] else 1.0 for edge in edges])
-    except (KeyError, TypeError, ValueError) as error:
-        message = "no PoseGraph of Open3D with nodes and edges"
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        message = f"no PoseGraph of Open3D with nodes and edges ({escape(cut(str(error)))})"
         raise InputError(message) from error
-    return GraphContent(poses, ends, measurements, information, probability, np.arange(len(poses)))
+    notes = _notes_of(changed, [f"edge {row}" for row in np.flatnonzero(changed)])
+    return GraphContent(poses, ends, measurements, information, probability, np.arange(len(poses)), notes)
+
+
+def _notes_of(changed: BoolArray, names: list[str]) -> tuple[str, ...]:
+    if not changed.any():
+        return ()
+    more = ", ..." if len(names) > _MOST_NAMED else ""
+    where = f"{', '.join(names[:_MOST_NAMED])}{more}"
+    what = "semi-definite information matrices within rounding, which were made positive definite"
+    return (f"{changed.sum()} of {len(changed)} edges have {what}: {where}",)
 
 
 def _by_columns(matrices: list[list[float]], size: int) -> FloatArray:

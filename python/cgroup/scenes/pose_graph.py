@@ -63,6 +63,8 @@ class PoseGraph:
         False for edges that a robust optimization has dropped. Without it all True.
     ids : (N,) array_like of int, optional
         Numbers of the nodes in files. Without them 0 to N - 1.
+    notes : tuple of str
+        Changes that `read` made to what the file holds.
 
     Raises
     ------
@@ -96,9 +98,12 @@ class PoseGraph:
     probability: FloatArray = field(default=None)  # type: ignore[assignment]
     kept: BoolArray = field(default=None)  # type: ignore[assignment]
     ids: IndexArray = field(default=None)  # type: ignore[assignment]
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Check shapes and numbers; make arrays read-only copies of what they are given."""
+        if not isinstance(self.notes, tuple) or not all(isinstance(note, str) for note in self.notes):
+            raise refusal("notes", self.notes, "give a tuple of texts")
         poses = as_poses("poses", self.poses)
         measurements = as_poses("measurements", self.measurements)
         count, nodes = len(measurements), len(poses)
@@ -120,8 +125,8 @@ class PoseGraph:
         kept = self._numbers("kept", "truth values", count)
         ids = self._numbers("ids", "whole numbers", nodes)
         checked = poses, edges, measurements, information, probability, kept, ids
-        for name, value in zip(self.__dataclass_fields__, checked, strict=True):
-            own = np.array(value)
+        for name, value in zip(self.__dataclass_fields__, checked, strict=False):
+            own = np.array(value, order="C")  # as the compiled core reads it
             own.flags.writeable = False
             object.__setattr__(self, name, own)
 
@@ -148,7 +153,9 @@ class PoseGraph:
         Returns
         -------
         PoseGraph
-            Its nodes in the order of their numbers.
+            Its nodes in the order of their numbers. An information matrix that is semi-definite, or whose
+            negative eigenvalues are within the rounding of a file of few digits, is made positive definite;
+            `notes` lists the edges.
 
         Raises
         ------
@@ -193,7 +200,7 @@ class PoseGraph:
         """
         path = written_path(path, "pose graphs", ".g2o", ".json")
         form = format_json if path.suffix.lower() == ".json" else format_g2o
-        write_file(path, form(GraphContent._make((*self._arrays(self.kept), self.ids))).encode())
+        write_file(path, form(GraphContent._make((*self._arrays(self.kept), self.ids, ()))).encode())
 
     def optimize(
         self,
