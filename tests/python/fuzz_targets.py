@@ -5,11 +5,14 @@ end of the program with a status that its help names; any other error is a findi
 """
 
 import contextlib
+import functools
 import inspect
 import io
+import json
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +25,12 @@ import cgroup
 import cgroup.cli
 from cgroup import features
 from cgroup.datasets import make_problem
+from cgroup.evaluation.result_files import read_results, read_truth
 from cgroup.io import read_cloud, read_depth
+from cgroup.scenes import PoseGraph, PreparedMap
+from cgroup.scenes.kept_links import KeptLinks
+from cgroup.scenes.links import Link
+from cgroup.scenes.maps import Level
 
 # Statuses that `cgroup --help` and the documentation name.
 STATUSES = {0, 2, 3}
@@ -177,7 +185,94 @@ def read_scan(data: bytes) -> None:
                 read_cloud(path)
 
 
-TARGETS = {"call_function": call_function, "read_scan": read_scan, "run_command": run_command}
+def _stored_files(folder: Path) -> dict[str, bytes]:
+    """Write a small file of each kind that cgroup keeps, or reads as a result or a graph."""
+    pose = np.eye(4)
+    pose[:3, 3] = 1, 2, 3
+    graph = PoseGraph([np.eye(4), pose, pose @ pose], [(0, 1), (1, 2)], [pose] * 2, [np.eye(6)] * 2)
+    graph.write(folder / "graph.g2o")
+    graph.write(folder / "graph.json")
+    rows = "".join(f"{' '.join(map(str, row))}\n" for row in pose.tolist())
+    (folder / "est.log").write_text(f"0 1 3\n{rows}1 2 3\n{rows}")
+    (folder / "poses.csv").write_text(
+        "target,source,tx,ty,tz,qx,qy,qz,qw\n0,1,1,2,3,0,0,0,1\n1,2,1,2,3,0,0,0,1\n"
+    )
+    (folder / "poses.tum").write_text("0 0 0 0 0 0 0 1\n1 1 2 3 0 0 0 1\n2 2 4 6 0 0 0 1\n")
+    np.savez(folder / "pairs.npz", pairs=[(0, 1), (1, 2)], poses=[pose] * 2)
+    scans = [{"name": f"scan{k}", "component": 1, "T_component_scan": pose.tolist()} for k in range(3)]
+    (folder / "result.json").write_text(json.dumps({"command": "merge", "results": {"scans": scans}}))
+    level = Level(
+        1.0, *(np.ones(shape) for shape in ((4, 3), (4, 3), (4, 3), (4, 3, 3), (4, 34), (1, 3), (1,), (1,)))
+    )
+    PreparedMap(np.ones((4, 3)), [level], 1.0).save(folder / "map")
+    with closing(KeptLinks(folder / "pairs.sqlite", [])) as kept:
+        kept.add(_stored_files, ((), ()), Link(pose[None], np.ones(1), np.eye(6), 0.5, 0.5))
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+@functools.cache
+def stored_files() -> dict[str, bytes]:
+    with tempfile.TemporaryDirectory() as folder:
+        return _stored_files(Path(folder))
+
+
+NUMBERS = (
+    b"nan",
+    b"inf",
+    b"-1",
+    b"1e300",
+    b"9" * 400,
+    b"[" * 5000,
+    b"0",
+    b"18446744073709551615",
+    b'"',
+    b"null",
+    b"",
+)
+
+
+def read_stored(data: bytes) -> None:
+    """Read a graph, a result, a map or finished pairs, some bytes or words of which are others."""
+    files, draws = stored_files(), Draws(data)
+    name = draws.one_of(tuple(files))
+    content = files[name]
+    start, length = draws.number(len(content)), draws.number(8)
+    new = draws.one_of(NUMBERS) if draws.number(2) else draws.rest()
+    content = content[:start] + (new + content[start + length :] if draws.number(8) else b"")
+    with tempfile.TemporaryDirectory() as folder:
+        for other, whole in files.items():
+            if Path(other).parent == Path(name).parent and other.startswith("map"):
+                Path(folder, other).parent.mkdir(exist_ok=True)
+                Path(folder, other).write_bytes(whole)
+        path = Path(folder, name)
+        path.write_bytes(content)
+        with contextlib.suppress(cgroup.InputError):
+            _read_stored(path)
+
+
+def _read_stored(path: Path) -> None:
+    if path.parent.name == "map":
+        PreparedMap.load(path.parent)
+    elif path.suffix == ".sqlite":
+        with closing(KeptLinks(path, [])) as kept:
+            kept.find(_stored_files, [((), ())])
+    elif path.stem == "graph":
+        PoseGraph.read(path).optimize(robust=True, threads=1)
+    else:
+        truth = read_truth(path)
+        read_results(path, truth)
+
+
+TARGETS = {
+    "call_function": call_function,
+    "read_stored": read_stored,
+    "read_scan": read_scan,
+    "run_command": run_command,
+}
 
 if __name__ == "__main__":
     # python fuzz_targets.py <target> <file>: an input that `make fuzz` found, without atheris.
