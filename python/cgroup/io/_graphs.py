@@ -51,7 +51,7 @@ class GraphContent(NamedTuple):
     information: FloatArray
     probability: FloatArray
     ids: IndexArray
-    notes: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
 
 def trust_steps(edges: IndexArray) -> FloatArray:
