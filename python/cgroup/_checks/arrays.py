@@ -14,8 +14,7 @@ import numpy as np
 from cgroup._checks.foreign import ACCEPTED, as_host_array, cloud_parts
 from cgroup._checks.quoting import cut, escape, show
 from cgroup._checks.values import refusal
-from cgroup._runtime.memory import report_refused_memory
-from cgroup.errors import InputError
+from cgroup.errors import InputError, OutOfMemoryError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -89,9 +88,13 @@ def as_reals(name: str, value: ArrayLike, remedy: str = "give an array of real n
     if array.dtype in AS_THEY_ARE and array.flags.c_contiguous and array.flags.aligned:
         return array
     # Fields of packed records are neither aligned nor a whole number of elements apart.
-    with report_refused_memory(), np.errstate(over="ignore"):  # to infinity, refused or not as any other
-        kept = array.dtype if array.dtype in AS_THEY_ARE else np.float64
-        return np.require(array, kept, ["C_CONTIGUOUS", "ALIGNED"])
+    kept = array.dtype if array.dtype in AS_THEY_ARE else np.float64
+    try:
+        with np.errstate(over="ignore"):  # to infinity, which is refused or not as any other
+            return np.require(array, kept, ["C_CONTIGUOUS", "ALIGNED"])
+    except MemoryError as error:
+        message = f"{name}: no memory for a copy of shape {_shape(array)}; give fewer points"
+        raise OutOfMemoryError(message) from error
 
 
 def real_points(name: str, value: object) -> RealArray:
