@@ -533,11 +533,11 @@ def parse_config(text: str, name: str = "configuration") -> Config:
     """
     try:
         return Config.model_validate(tomllib.loads(text))
-    except (ValueError, RecursionError, OverflowError) as error:
-        message = f"{name}: not TOML: {error}"
-        raise InputError(message) from error
     except ValidationError as error:
         message = f"{name}: {_key_path(error.errors()[0]['loc'])}{_first_reason(error)}"
+        raise InputError(message) from error
+    except (ValueError, RecursionError, OverflowError) as error:
+        message = f"{name}: not TOML: {error}"
         raise InputError(message) from error
 
 

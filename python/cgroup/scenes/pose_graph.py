@@ -200,7 +200,7 @@ class PoseGraph:
         """
         path = written_path(path, "pose graphs", ".g2o", ".json")
         form = format_json if path.suffix.lower() == ".json" else format_g2o
-        write_file(path, form(GraphContent(*self._arrays(self.kept), self.ids)).encode())
+        write_file(path, form(GraphContent._make((*self._arrays(self.kept), self.ids, ()))).encode())
 
     def optimize(
         self,

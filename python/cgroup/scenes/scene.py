@@ -310,7 +310,7 @@ class Scene:
             graph = self._graph_of(sorted(rows))
             edges = (graph.edges, graph.measurements, graph.information, graph.probability)
             kept = (each[graph.kept] for each in edges)
-            content = GraphContent(graph.poses, *kept, graph.ids)
+            content = GraphContent._make((graph.poses, *kept, graph.ids, ()))
             form = format_json if suffix == ".json" else format_g2o
             write_file(path, form(content, self.names).encode())
         else:
