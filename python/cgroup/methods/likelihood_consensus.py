@@ -90,7 +90,8 @@ def lc(
         pose. Its scores are probabilities to be right, given that pose; `Grouping.alternatives` has the
         other poses too. `Grouping.false_alarms` is ``n^3/6 P(Poisson(lambda) >= k - 3)`` for k supporters
         that lie ``7/3 * tolerance`` apart, of which chance gives lambda where the targets lie as they do;
-        times the number of tolerances there are to try; infinite where a mirror image fits as well. The
+        times the number of tolerances there are to try; infinite where a mirror image fits as well. Where a
+        smaller radius makes few exact correspondences less likely by chance, it is that number. The
         diagnostics say under ``dimensions`` whether the group's points span a body (3), a plane (2) or a line
         (1), and under ``resolution`` a third of the tolerance that was taken. Without a pose that three
         correspondences support, the group is empty. Where a scale s is sought, the model and the

@@ -63,7 +63,15 @@ pub fn false_alarms(n: usize, supporters: usize, chance: f64) -> f64 {
     (n as f64).powi(3) / 6.0 * (logarithm.exp() * sum)
 }
 
-/// Its logarithm, which tells poses apart whose number is too small for a float.
+/// The same within a radius that is small against the distances between the matches. Two matches fix a pose up to the angle
+/// about their line, and the third lies on a ring, about as probably as others lie near their places. So every two of n
+/// could make a pose, and `n^2 P(Poisson(chance) >= k - 2)` poses with k supporters are to be expected.
+pub fn precise_false_alarms(n: usize, supporters: usize, chance: f64) -> f64 {
+    let (logarithm, sum) = poisson_tail(supporters.saturating_sub(MINIMAL - 1), chance);
+    (n as f64).powi(2) * (logarithm.exp() * sum)
+}
+
+/// The logarithm of [`false_alarms`], which tells poses apart whose number is too small for a float.
 pub fn ln_false_alarms(n: usize, supporters: usize, chance: f64) -> f64 {
     let (logarithm, sum) = poisson_tail(supporters.saturating_sub(MINIMAL), chance);
     3.0 * (n as f64).ln() - 6.0_f64.ln() + logarithm + sum.ln()
@@ -111,6 +119,8 @@ mod tests {
         assert_eq!((tail(0, 0.0), tail(1, 0.0), tail(3, 4.0)), (1.0, 0.0, 1.0));
         assert!((ln_false_alarms(50, 9, 1.5) - false_alarms(50, 9, 1.5).ln()).abs() < 1e-12);
         assert!(ln_false_alarms(5000, 900, 1.5) < -1000.0);
+        assert!((precise_false_alarms(4, 4, 1e-4) / (16.0 * 0.5e-8) - 1.0).abs() < 1e-3);
+        assert_eq!(precise_false_alarms(4, 2, 1e-4), 16.0);
     }
 
     #[test]

@@ -35,7 +35,16 @@ False alarms of a pose: n^3 / 6 P(Poisson(lambda k' / k) >= k' - 3), k the suppo
 one is dropped that has a kept one within 7 u on either side (until 200 are kept; k counts those looked at), lambda the mean
 number of targets within 5 u of the 1,000 source points as the pose lays them, at least k / n. Infinite where a motion onto the
 target mirrored at x = 0 has more than 0.9 times the k' of the best, after 5 rounds of refinement: one that fits the supporters
-of one of the ten best poses, or, without a tolerance, of the cliques of the 100 heaviest edges the one with the greatest score.
+of one of the ten best poses (not on a line), or, without a tolerance, of the cliques of the 100 heaviest edges the one with the greatest score.
+Where more than 0.8 of what is within 5 u under either is so under both, the numbers don't count, and the false alarms are infinite unless the mean
+square of these residuals under the best is at most 1.1 + 3 / sqrt(number) times the other (with 1e-6 tolerances squared added to both), and
+the second variance of their source points exceeds 4 times it.
+
+Where a known scale leaves 0.001 or more, 11 times the least of n^2 P(Poisson(lambda k' / k) >= k' - 2) over the radii r = 5 u / 2^j, j = 0 .. 10,
+counts if it is less, as long as k' >= 4. The pose is refined further by 3 rounds of deviation 0.54 r each; supporters are within r, apart 7 u as before; lambda is the
+greatest of: targets of other matches within r of a source point (the mean number less k / n), that of r = 5 u times 4^-j, n times min(1, r / (2 s)) for
+the two greatest standard deviations s of the supporters' source points, and n times the squared share of distances in the source that differ by at most r from
+one in the target of another pair, two such aside (of 64 points, rows floor(k n / 64)).
 
 Without a tolerance: all of this with u = 1 pr, and until the number of false alarms times the 5 tolerances there are is below 0.01, with u
 twice as large, half, 4 times, a quarter, frames aside. One of these that is below 0.01 makes what 1 pr found as sure as it is itself, if its best pose lays
@@ -59,7 +68,7 @@ that of one scale and tolerance times the number of all scales to try with all t
 estimated twice as above, the same least squares done with residuals below 3 times it, and all of it done again at that scale. Frames count in the end, at the scale that was found. Without an answer s is the geometric mean of the bounds.
 
 Instances: in order of score the poses with less than 0.01 false alarms among the matches that no earlier one's group
-has, whose group shares less than 0.3 (intersection over union) with each of theirs; none unless the best is sure.
+has (the best in any case), whose group shares less than 0.3 (intersection over union) with each of theirs; none unless the best is sure.
 
 Decisions where the description is open
 ---------------------------------------
@@ -105,6 +114,7 @@ ENOUGH = 200
 TIE = 1e-12
 REFLECTIONS = 10
 MOST_ALARMS = 0.01
+RADII = 11
 SCALE_VERTICES, SCALE_EDGES, SCALE_ROUNDS, SCALES = 1000, 20, 8, 3
 NOISE_ROUNDS = 2
 
@@ -190,7 +200,7 @@ def lc(
 
     def look(length: float, factor: float) -> Attempt:
         edges = 0 if tolerance else MIRRORED_EDGES
-        return attempt(factor * p_raw, q_raw, rows, length / 3.0, modes, edges)
+        return attempt(factor * p_raw, q_raw, rows, length / 3.0, modes, edges, rigid=scale is False)
 
     span = span_of_scales(p_raw, q_raw, scale)
     factor = 1.0 if span is None else float(np.sqrt(span.low * span.high))
@@ -260,6 +270,7 @@ class Attempt(NamedTuple):
     kept: IntArray
     mirrored: list[IntArray]
     hypotheses: list[Pose]
+    rigid: bool
 
     def is_better(self, found: "tuple[Attempt, float] | None", tried: int) -> bool:
         if found is None:
@@ -416,12 +427,14 @@ def attempt(
     unit: float,
     modes: int,
     mirrored_edges: int,
+    *,
+    rigid: bool,
 ) -> Attempt:
     p, q = centred(p_raw) / unit, centred(q_raw) / unit
     kept, joined = join(p, q, VERTICES)
     hypotheses = motions(p, q, [kept[clique] for clique in cliques(joined, EDGES)])
     mirrored = [kept[clique] for clique in cliques(joined, mirrored_edges)]
-    return judge(p, q, ratio, unit, modes, hypotheses, kept, mirrored)
+    return judge(p, q, ratio, unit, modes, hypotheses, kept, mirrored, rigid=rigid)
 
 
 def judge(
@@ -433,16 +446,22 @@ def judge(
     hypotheses: list[Pose],
     kept: IntArray,
     mirrored: list[IntArray],
+    *,
+    rigid: bool,
 ) -> Attempt:
     model = Model(p, q, levels(p, q, ratio))
     ranked = rank(model, hypotheses, modes)
-    return Attempt(unit, model, model, ranked, expected(model, ranked, mirrored), kept, mirrored, hypotheses)
+    number = expected(model, ranked, mirrored, rigid=rigid)
+    return Attempt(unit, model, model, ranked, number, kept, mirrored, hypotheses, rigid)
 
 
-def expected(model: Model, ranked: list[Ranked], mirrored: list[IntArray]) -> float:
+def expected(model: Model, ranked: list[Ranked], mirrored: list[IntArray], *, rigid: bool) -> float:
     if not ranked or equalled(model, ranked, mirrored):
         return np.inf
-    return alarms(model, ranked[0], np.zeros(len(model.p), dtype=bool))
+    wide = alarms(model, ranked[0], np.zeros(len(model.p), dtype=bool))
+    if not rigid or wide < MOST_ALARMS / 10.0:
+        return wide
+    return min(wide, precise_alarms(model, ranked[0].pose))
 
 
 def count_frames(found: Attempt, turns: FloatArray, modes: int) -> Attempt:
@@ -451,9 +470,8 @@ def count_frames(found: Attempt, turns: FloatArray, modes: int) -> Attempt:
         return found
     answer = found.model, found.ranked
     counted, ranked = with_frames(answer, turns, found.hypotheses, found.kept, modes)
-    return found._replace(
-        counted=counted, ranked=ranked, expected=expected(found.model, ranked, found.mirrored)
-    )
+    number = expected(found.model, ranked, found.mirrored, rigid=found.rigid)
+    return found._replace(counted=counted, ranked=ranked, expected=number)
 
 
 def suited(
@@ -466,7 +484,7 @@ def suited(
     factor = SIGMA * found.unit / noise
     poses = [Pose(one.pose.rotation, one.pose.translation * factor) for one in refined.ranked]
     p, q = found.model.p * factor, found.model.q * factor
-    wider = judge(p, q, ratio, noise / SIGMA, modes, poses, found.kept, found.mirrored)
+    wider = judge(p, q, ratio, noise / SIGMA, modes, poses, found.kept, found.mirrored, rigid=found.rigid)
     wider = count_frames(wider, turns, modes)
     if wider.expected * tried >= MOST_ALARMS:
         return refined, noise
@@ -634,21 +652,73 @@ def alarms(model: Model, one: Ranked, taken: BoolArray) -> float:
 
 
 def equalled(model: Model, ranked: list[Ranked], found: list[IntArray]) -> bool:
-    """Whether a motion onto the mirrored target has about as many supporters as the best pose."""
+    """Whether a motion onto the mirrored target has about as many supporters as the best pose, elsewhere."""
     mirrored = model._replace(q=model.q * [-1.0, 1.0, 1.0])
 
-    def count(some: Model, pose: Pose) -> int:
-        squares = some.squares(pose)
+    def count(some: Model, squares: FloatArray) -> int:
         return independent(some.p, some.q, squares, np.flatnonzero(squares <= 5.0**2))[0]
 
     p, q = mirrored.p, mirrored.q
     starts: list[Pose] = []
     for one in ranked[:REFLECTIONS]:
         rows = model.squares(one.pose) <= 5.0**2
-        starts.append(weighted_kabsch(p[rows], q[rows], np.ones(np.count_nonzero(rows))))
+        if fixes_rotation(p[rows], q[rows]):
+            starts.append(weighted_kabsch(p[rows], q[rows], np.ones(np.count_nonzero(rows))))
     starts += sorted(motions(p, q, found), key=lambda pose: -mirrored.terms(pose).sum())[:1]
-    own = count(model, ranked[0].pose)
-    return any(count(mirrored, refine(start, mirrored, [SIGMA] * 5)) > 0.9 * own for start in starts)
+    best = model.squares(ranked[0].pose)
+    own = count(model, best)
+    images = [mirrored.squares(refine(start, mirrored, [SIGMA] * 5)) for start in starts]
+    same = [is_same(model.p, best, image) for image in images]
+    return any(
+        count(mirrored, image) > 0.9 * own if one is None else not one
+        for image, one in zip(images, same, strict=True)
+    )
+
+
+def is_same(p: FloatArray, own: FloatArray, image: FloatArray) -> bool | None:
+    """Whether a reflection that has the supporters of a pose fits no better and these are not on a line; None for others."""
+    common = (own <= 5.0**2) & (image <= 5.0**2)
+    count = np.count_nonzero(common)
+    if count <= 0.8 * np.count_nonzero((own <= 5.0**2) | (image <= 5.0**2)):
+        return None
+    means = [squares[common].mean() + (3e-6) ** 2 for squares in (own, image)]
+    return bool(
+        means[0] <= (1.1 + 3.0 / np.sqrt(count)) * means[1] and variances(p[common])[1] > 4.0 * means[0]
+    )
+
+
+def variances(p: FloatArray) -> FloatArray:
+    """(3,) along the principal axes, the greatest first."""
+    return np.linalg.eigvalsh(np.cov(p.T, bias=True))[::-1]
+
+
+def precise_alarms(model: Model, pose: Pose) -> float:
+    """Number of false alarms within smaller radii."""
+    n = len(model.p)
+    rows = np.arange(min(n, 64)) * n // min(n, 64)
+    a, b = np.triu_indices(len(rows), 1)
+    starts, ends = (edge_lengths(x[rows])[a, b] for x in (model.p, model.q))
+    least, crowd = np.inf, 0.0
+    for k in range(RADII):
+        radius = 5.0 / 2.0**k
+        pose = refine(pose, model, [0.54 * radius] * 3)
+        squares = model.squares(pose)
+        supporters = np.flatnonzero(squares <= radius**2)
+        kept, looked = independent(model.p, model.q, squares, supporters)
+        if kept < 4:
+            break
+        near = landing(model, pose, radius)[1] - len(supporters) / n
+        crowd = near if k == 0 else crowd
+        with np.errstate(divide="ignore", invalid="ignore"):
+            widths = 2.0 * np.sqrt(np.maximum(variances(model.p[supporters])[:2], 0.0))
+            area = np.minimum(1.0, radius / widths).prod()
+        agree = np.abs(starts[:, None] - ends) <= radius
+        np.fill_diagonal(agree, False)  # a pair with itself
+        share = max(0, agree.sum() - 2) / max(1, len(starts) * (len(starts) - 1))
+        chance = max(near, crowd / 4.0**k, n * area, n * share**2) * kept / looked
+        tail = 1.0 if kept - 2 <= chance else float(poisson.sf(kept - 3, chance))
+        least = min(least, n**2 * tail)
+    return RADII * least
 
 
 def find_instances(model: Model, ranked: list[Ranked], most: int) -> BoolArray:
@@ -661,7 +731,7 @@ def find_instances(model: Model, ranked: list[Ranked], most: int) -> BoolArray:
             break
         mask = model.squares(one.pose) <= 5.0**2
         new = all(np.count_nonzero(mask & x) < 0.3 * np.count_nonzero(mask | x) for x in masks)
-        if new and alarms(model, one, taken) < MOST_ALARMS:
+        if new and (not masks or alarms(model, one, taken) < MOST_ALARMS):
             masks.append(mask)
             taken |= mask
     return np.array(masks, dtype=bool).reshape(len(masks), n)

@@ -12,8 +12,8 @@ use nalgebra::Matrix3;
 
 use super::confidence::{Judge, MOST_FALSE_ALARMS};
 use super::{
-    Answer, CHANCE, DEVIATION, Joined, LikelihoodConsensus, MOST_VERTICES, Problem, REACH, SEEDS, frames,
-    noise,
+    Answer, CHANCE, DEVIATION, Joined, LikelihoodConsensus, MOST_VERTICES, Problem, REACH, SEEDS, Scale,
+    frames, noise,
 };
 use crate::consensus::likelihood::Likelihood;
 use crate::consensus::likelihood::levels::levels;
@@ -169,7 +169,8 @@ impl LikelihoodConsensus {
             }
         }
         let joined = self.tolerance.is_none().then_some(&*found.joined);
-        found.false_alarms = found.judge().expected(&found.answer.ranked, joined)?;
+        let is_rigid = self.scale == Scale::Known;
+        found.false_alarms = found.judge().expected(&found.answer.ranked, joined, is_rigid)?;
         Ok(())
     }
 

@@ -2,13 +2,15 @@
 //!
 //! The number of false alarms of a pose counts the supporters that lie apart from each other, for they speak for it
 //! independently, and takes for chance how many targets lie near the source points as the pose lays them: a pose that lays
-//! surface on surface has more of both. And no reflection is a motion: where the mirror image of one of the best poses has
-//! about as many independent supporters as the best, the matches are of mirrored shapes, of one plane, or of nothing.
+//! surface on surface has more of both. Where that does not suffice, smaller radii are tried (`precision.rs`). And no
+//! reflection is a motion: where the mirror image of one of the best poses has about as many independent supporters as the
+//! best, the matches are of mirrored shapes, of one line, or of nothing. A reflection in the plane of the supporters is the
+//! same placement and does not count.
 
-use super::{Answer, Joined, Problem, Ranked};
+use super::{Answer, Joined, Problem, Ranked, precision};
 use crate::consensus::false_alarms::{Independent, false_alarms, independent};
 use crate::consensus::likelihood::Likelihood;
-use crate::geometry::rigid::{Rigid, fit_rigid};
+use crate::geometry::rigid::{Rigid, fit_rigid, fixes_rotation};
 use crate::grouping_result::mask_of;
 use crate::selection::top_k::largest;
 use crate::{Grouping, Result, memory};
@@ -28,6 +30,23 @@ const MIRRORED_SEEDS: usize = 100;
 /// A mirror image has about as many supporters as a pose with more than this share of them.
 const AS_MANY: f64 = 0.9;
 
+/// Least share that the supporters of a pose and of the same placement, mirrored in their plane, have in common.
+const SAME: f64 = 0.8;
+
+/// A placement fits better than another where its sum of squares is less by this factor, and by this many standard
+/// deviations (both fits have noise in the plane's normal).
+const BETTER: f64 = 1.1;
+const DEVIATIONS: f64 = 3.0;
+
+/// Supporters lie on a line where their second spread is no more than this many residuals.
+const ON_A_LINE: f64 = 2.0;
+
+/// Rounding of a residual, as a share of the tolerance.
+const ROUNDING: f64 = 1e-6;
+
+/// Greatest number of false alarms, as a share of what is sure, that is so with any number of tolerances.
+const SURELY: f64 = 0.1;
+
 /// Greatest share that two instances may have in common, of what is in either.
 const MOST_SHARED: f64 = 0.3;
 
@@ -41,11 +60,17 @@ pub struct Judge<'a> {
 impl Judge<'_> {
     /// Number of false alarms of the best pose; infinite without one, or where a reflection equals it.
     /// Reflections of cliques are looked at where they are given, as one of several tolerances may miss the best pose's.
-    pub fn expected(&self, ranked: &[Ranked], joined: Option<&Joined>) -> Result<f64> {
-        match ranked.first() {
-            Some(best) if !self.is_equalled_by_a_reflection(ranked, joined)? => self.false_alarms(best, &[]),
-            _ => Ok(f64::INFINITY),
+    /// Smaller radii are tried for rigid motions alone: a scale that is sought adapts to few exact matches.
+    pub fn expected(&self, ranked: &[Ranked], joined: Option<&Joined>, is_rigid: bool) -> Result<f64> {
+        let Some(best) = ranked.first() else { return Ok(f64::INFINITY) };
+        if self.is_equalled_by_a_reflection(ranked, joined)? {
+            return Ok(f64::INFINITY);
         }
+        let expected = self.false_alarms(best, &[])?;
+        if !is_rigid || expected < SURELY * MOST_FALSE_ALARMS {
+            return Ok(expected);
+        }
+        Ok(precision::false_alarms(self.problem, self.likelihood, &best.mode.pose)?.min(expected))
     }
 
     /// The grouping with its number of false alarms, and the masks of up to `most` motions that are sure.
@@ -79,7 +104,9 @@ impl Judge<'_> {
             let squares = self.likelihood.squared_residuals(&one.mode.pose)?;
             let mask = mask_of(squares.len(), self.problem.group(&squares)?)?;
             let is_new = masks.iter().all(|other| is_other(&mask, other));
-            if is_new && self.false_alarms(one, &taken)? < MOST_FALSE_ALARMS {
+            // The best is sure, by this radius or a smaller one.
+            let is_sure = masks.is_empty() || self.false_alarms(one, &taken)? < MOST_FALSE_ALARMS;
+            if is_new && is_sure {
                 taken.iter_mut().zip(&mask).for_each(|(taken, &here)| *taken |= here);
                 memory::push(&mut masks, mask)?;
             }
@@ -105,41 +132,59 @@ impl Judge<'_> {
         independent(source, target, squares, supporters, APART * tolerance)
     }
 
-    /// Whether a motion onto the mirrored target has about as many independent supporters as the best pose: the mirror image
-    /// of one of the best poses, or the best motion of cliques.
+    /// Whether a motion onto the mirrored target has about as many independent supporters as the best pose, elsewhere: the
+    /// mirror image of one of the best poses, or the best motion of cliques.
     fn is_equalled_by_a_reflection(&self, ranked: &[Ranked], joined: Option<&Joined>) -> Result<bool> {
         let Problem { source, target, execution, .. } = *self.problem;
+        let Some(best) = ranked.first() else { return Ok(false) };
         let mirrored = target.mirrored()?;
         let likelihood = self.likelihood.between(source, &mirrored)?;
+        let own = self.likelihood.squared_residuals(&best.mode.pose)?;
         let count = |squares: &[f64]| {
             self.independent(squares, &self.problem.group(squares)?).map(|found| found.count)
         };
-        let mut own = None;
+        let least = AS_MANY * count(&own)? as f64;
+        let is_rival = |image: &Rigid| {
+            let image = likelihood.refined(image, std::iter::repeat_n(likelihood.deviation(), ROUNDS))?;
+            let squares = likelihood.squared_residuals(&image)?;
+            match self.is_same_placement(&own, &squares)? {
+                Some(is_same) => Ok(!is_same),
+                None => Ok(count(&squares)? as f64 > least),
+            }
+        };
         for one in ranked.iter().take(REFLECTIONS) {
             execution.check()?;
-            let squares = self.likelihood.squared_residuals(&one.mode.pose)?;
-            let of_best = if let Some(own) = own { own } else { count(&squares)? };
-            own = Some(of_best);
-            let image = self.reflection(&squares, &likelihood)?;
-            if count(&likelihood.squared_residuals(&image)?)? as f64 > AS_MANY * of_best as f64 {
+            let group = self.problem.group(&self.likelihood.squared_residuals(&one.mode.pose)?)?;
+            let p = memory::collect(group.iter().map(|&i| likelihood.points(i).0))?;
+            let q = memory::collect(group.iter().map(|&i| likelihood.points(i).1))?;
+            if fixes_rotation(&p, &q) && is_rival(&fit_rigid(&p, &q))? {
                 return Ok(true);
             }
         }
         let Some(joined) = joined else { return Ok(false) };
         let poses = self.problem.cliques(joined, &mirrored, MIRRORED_SEEDS)?;
         let scores = memory::collect(poses.iter().map(|pose| likelihood.support(pose).score))?;
-        let Some(&best) = largest(&scores, 1)?.first() else { return Ok(false) };
-        let image = likelihood.refined(&poses[best], std::iter::repeat_n(likelihood.deviation(), ROUNDS))?;
-        let of_image = count(&likelihood.squared_residuals(&image)?)? as f64;
-        Ok(of_image > AS_MANY * own.unwrap_or_default() as f64)
+        largest(&scores, 1)?.first().map_or(Ok(false), |&best| is_rival(&poses[best]))
     }
 
-    /// The motion onto the mirrored target that fits the group of a pose, refined.
-    fn reflection(&self, squares: &[f64], mirrored: &Likelihood) -> Result<Rigid> {
+    /// Whether a reflection that has the supporters of the pose fits them no better, and they fix the pose: those of one plane
+    /// do, those of one line don't; `None` where it has others.
+    fn is_same_placement(&self, squares: &[f64], of_image: &[f64]) -> Result<Option<bool>> {
+        let limit = self.problem.group_radius().powi(2);
         let group = self.problem.group(squares)?;
-        let p = memory::collect(group.iter().map(|&i| mirrored.points(i).0))?;
-        let q = memory::collect(group.iter().map(|&i| mirrored.points(i).1))?;
-        mirrored.refined(&fit_rigid(&p, &q), std::iter::repeat_n(mirrored.deviation(), ROUNDS))
+        let common = memory::collect(group.iter().copied().filter(|&i| of_image[i] <= limit))?;
+        let all = group.len() + of_image.iter().filter(|&&square| square <= limit).count() - common.len();
+        let count = common.len() as f64;
+        if count <= SAME * all as f64 {
+            return Ok(None);
+        }
+        let rounding = (ROUNDING * self.problem.tolerance).powi(2);
+        let mean = |squares: &[f64]| common.iter().map(|&i| squares[i]).sum::<f64>() / count + rounding;
+        let (own, of_image) = (mean(squares), mean(of_image));
+        let [_, second, _] = self.problem.variances(&common);
+        let is_same =
+            own <= (BETTER + DEVIATIONS / count.sqrt()) * of_image && second > ON_A_LINE.powi(2) * own;
+        Ok(Some(is_same))
     }
 }
 

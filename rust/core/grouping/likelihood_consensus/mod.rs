@@ -28,6 +28,7 @@ mod attempts;
 mod confidence;
 mod frames;
 mod noise;
+mod precision;
 mod scale;
 
 use nalgebra::{Matrix3, Vector3};
@@ -135,8 +136,14 @@ impl Problem<'_> {
     /// Directions in which the group's source points spread by more than twice the noise that is allowed for: 3 for a body,
     /// 2 for one plane, 1 for one line.
     fn dimensions(&self, mask: &[bool]) -> Result<usize> {
-        let source = self.source;
         let rows = memory::collect((0..mask.len()).filter(|&i| mask[i]))?;
+        let least = (2.0 * DEVIATION * self.tolerance).powi(2);
+        Ok(self.variances(&rows).iter().filter(|&&variance| variance > least).count())
+    }
+
+    /// Variances of some source points along their principal axes, the greatest first.
+    fn variances(&self, rows: &[usize]) -> [f64; 3] {
+        let source = self.source;
         let count = rows.len().max(1) as f64;
         let mean = rows.iter().map(|&i| source.get(i).coords).sum::<Vector3<f64>>() / count;
         let scatter = |&i: &usize| {
@@ -144,8 +151,9 @@ impl Problem<'_> {
             offset * offset.transpose()
         };
         let covariance = rows.iter().map(scatter).sum::<Matrix3<f64>>() / count;
-        let least = (2.0 * DEVIATION * self.tolerance).powi(2);
-        Ok(covariance.symmetric_eigenvalues().iter().filter(|&&variance| variance > least).count())
+        let mut variances: [f64; 3] = covariance.symmetric_eigenvalues().into();
+        variances.sort_unstable_by(|a, b| b.total_cmp(a));
+        variances
     }
 
     /// Greatest residual in a group.
