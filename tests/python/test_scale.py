@@ -172,6 +172,16 @@ def test_an_uncertain_scale_is_noted() -> None:
     assert bounded.scale_deviation == pytest.approx(np.log(1.001))
 
 
+@pytest.mark.parametrize("seed", [2001, 2002, 2003])
+@pytest.mark.parametrize("size", [1.0, 1.05])
+def test_a_shape_of_another_size_is_noted(seed: int, size: float) -> None:
+    pair = standin_pair(seed=seed, turn=35, pixels=60)
+    found = best_guess(size * pair.source.points, pair.target.points)
+    noted = [note for note in found.notes if "fit better with the source scaled by" in note]
+    assert (len(noted) == 1) == (size != 1.0)
+    assert found.ok == (size == 1.0)
+
+
 def test_nothing_to_fit_is_none() -> None:
     scan = prepare(arrow(0), voxel=0.06)
     away = np.eye(4)

@@ -18,6 +18,7 @@ from cgroup.registration.judge import (
 )
 from cgroup.registration.own import match_nothing
 from cgroup.registration.prepare import fine_surfaces
+from cgroup.registration.scale import compare_scales
 from cgroup.rigid import invert
 from cgroup.verification import align, verify
 
@@ -40,7 +41,7 @@ def confirm_pose(
     motions = count_open_motions(refined, source, target)
     if motions == 0:
         refined = replace(refined, open_motion=None)
-    return Found(
+    found = Found(
         refined,
         np.empty((0, 4, 4)),
         bound_by_motions(share_probability(case, [])[0], motions),
@@ -53,3 +54,4 @@ def confirm_pose(
         target_fitness=back.fitness,
         places=placed[None],
     )
+    return compare_scales(found)

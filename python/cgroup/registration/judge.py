@@ -87,6 +87,8 @@ class Found:
         What speaks for the pose, and for its rivals.
     places : (c,4,4) array of float64
         The poses of these.
+    better_scale : float
+        Of the source, that fits clearly better than 1; 1 where none does.
     """
 
     refined: Alignment
@@ -100,6 +102,7 @@ class Found:
     cases: tuple[Case, ...] = ()
     target_fitness: float = 0.0
     places: FloatArray = field(default_factory=lambda: np.empty((0, 4, 4)))
+    better_scale: float = 1.0
 
     def turned(self) -> Found:
         """Return the same with source and target in each other's place."""
@@ -117,6 +120,7 @@ class Found:
             refined=refined,
             alternatives=np.linalg.inv(self.alternatives),
             places=np.linalg.inv(self.places),
+            better_scale=1 / self.better_scale,
             matches=turn_matches(self.matches, self.target.scan.centroid),
             source=self.target,
             target=self.source,
@@ -329,6 +333,8 @@ def _explain(found: Found, open_motions: str) -> str:
     """Say why a pose is not accepted."""
     if open_motions:
         return open_motions
+    if found.better_scale != 1.0:
+        return _say_scale(found)
     if len(found.alternatives):
         count = 1 + len(found.alternatives)
         return (
@@ -340,6 +346,13 @@ def _explain(found: Found, open_motions: str) -> str:
     return (
         f"the best pose is right with a probability of {found.probability:.2f} only: it lays "
         f"{100 * found.fitness:.0f} % of the source on the target{matched}"
+    )
+
+
+def _say_scale(found: Found) -> str:
+    return (
+        f"the surfaces fit better with the source scaled by {found.better_scale:.3f}: the shapes may differ "
+        "in size; let `register` estimate `scale`"
     )
 
 
@@ -417,6 +430,8 @@ def _notes(found: Found) -> list[str]:
         points = apply(found.refined.T_target_source, found.source.voxels.points)
         how = say_motion(found.refined.open_motion, points)
         notes.append(f"the source is free to {how}: the surfaces hardly resist that")
+    if found.better_scale != 1.0:
+        notes.append(_say_scale(found))
     others = len(found.alternatives)
     if others:
         shared = "1 other pose shares" if others == 1 else f"{others} other poses share"

@@ -297,8 +297,14 @@ def assess(
     notes = judgement.notes
     others = found.alternatives
     if is_accepted(found.probability) and not judgement.ok:
-        voxels = moved / found.source.voxel
-        better = f"a better pose lies {moved:.3g} away on average over the source, {voxels:.1f} voxels"
+        far = moved > found.source.scan.cloud.diagonal + found.target.scan.cloud.diagonal
+        where = f"{moved:.3g} away on average over the source, {moved / found.source.voxel:.1f} voxels"
+        where = (
+            "elsewhere: the pose given leaves the clouds far apart; check its unit and frames"
+            if far
+            else where
+        )
+        better = f"a better pose lies {where}"
         notes = (better, *notes)
         others = np.concatenate([best[None], others])
     elif judgement.reason:

@@ -22,6 +22,7 @@ from cgroup.registration.judge import (
     MOST_OPEN_MOTIONS,
     are_alternatives,
     bound_by_motions,
+    is_accepted,
     judge,
     share_probability,
     weigh,
@@ -58,6 +59,10 @@ CANDIDATES, AS_LIKELY = 2, 0.7
 
 BEND, UNCERTAIN = 6.0, 0.01
 """Edge of the cells whose mean residuals tell of bends, in voxels; deviation of the scale that is noted."""
+
+DRIFT, CLEARLY, NOTED, SOME = 0.01, 3.0, 0.8, 3
+"""Deviation of the scale of right poses; deviations at which half of a probability is left, and the share of
+these from which that is noted; one voxel of so many is looked at."""
 
 _POWER_STEPS = 8
 _REACH, _LAST_REACH, _REACHED = 3.0, 1.5, 5  # voxels, and the step from which the reach stays
@@ -251,24 +256,47 @@ class Similarity(NamedTuple):
     deviation: float
 
 
-def fit_similarity(source: PreparedScan, target: PreparedScan, pose: FloatArray) -> Similarity | None:
+def compare_scales(found: Found) -> Found:
+    """Return a pose with the scale that fits clearly better, if one does, and a lower probability then.
+
+    Of an accepted pose half of the probability is left where the scale is `CLEARLY` deviations from 1. Those
+    are of the fit, and of `DRIFT`: fragments of one room fit best at scales a little off 1.
+    """
+    if not is_accepted(found.probability):
+        return found
+    fitted = fit_similarity(found.source, found.target, found.refined.T_target_source, every=SOME)
+    if fitted is None or fitted.resistance <= OPEN:
+        return found
+    away = abs(float(np.log(fitted.scale))) / float(np.hypot(fitted.deviation, DRIFT)) / CLEARLY
+    better = fitted.scale if away >= NOTED else 1.0
+    return replace(found, better_scale=better, probability=found.probability * 0.5**away**4)
+
+
+def fit_similarity(
+    source: PreparedScan, target: PreparedScan, pose: FloatArray, every: int = 1
+) -> Similarity | None:
     """Fit scale and pose to the voxels of both; None where too few are near each other.
 
     Point-to-plane steps in both directions, weighted as for `align`; the seventh unknown is the logarithm of
     the scale, about the middle of the pairs. Its deviation takes the means of the residuals in cells of
-    `BEND` voxels for errors that all pull the scale one way, as those of bent surfaces may.
+    `BEND` voxels for errors that all pull the scale one way, as those of bent surfaces may. Of either scan
+    one voxel of so many is laid on the other.
     """
     voxel, transform, options = source.voxel, pose, run_options(source.threads)
     fixed, step = target.voxels.points, 0
+    sources, targets = source.normals[::every], target.normals[::every]
     while True:
         share = min(step / _REACHED, 1.0)
         reach = voxel * (_REACH + (_LAST_REACH - _REACH) * share)
         moved = apply(transform, source.voxels.points)
         offsets = np.concatenate(
-            [-_core.nearest(moved, fixed, options, reach), _core.nearest(fixed, moved, options, reach)]
+            [
+                -_core.nearest(moved[::every].copy(), fixed, options, reach),
+                _core.nearest(fixed[::every].copy(), moved, options, reach),
+            ]
         )
-        places = np.concatenate([moved, fixed + offsets[len(moved) :]])
-        normals = np.concatenate([source.normals @ split_scale(transform)[1][:3, :3].T, target.normals])
+        places = np.concatenate([moved[::every], fixed[::every] + offsets[len(sources) :]])
+        normals = np.concatenate([sources @ split_scale(transform)[1][:3, :3].T, targets])
         paired = np.isfinite(offsets).all(axis=1) & np.isfinite(normals).all(axis=1)
         if paired.sum() < _LEAST_PAIRS:
             return None

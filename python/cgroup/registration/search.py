@@ -29,6 +29,7 @@ from cgroup.registration.own import describe_voxels, match_nothing
 from cgroup.registration.paper_front import correspond_by
 from cgroup.registration.prepare import fine_surfaces
 from cgroup.registration.rivals import propose_rivals
+from cgroup.registration.scale import compare_scales
 from cgroup.rigid import invert
 from cgroup.verification import align, verify
 from cgroup.verification.alignment import align_each
@@ -298,7 +299,7 @@ class Search:
                 (found.target, found.source, invert(pose)),
             )
         ]
-        return replace(found, refined=refined, fitness=shares[0], target_fitness=shares[1])
+        return compare_scales(replace(found, refined=refined, fitness=shares[0], target_fitness=shares[1]))
 
 
 def _order(scan: PreparedScan) -> tuple[float, ...]:

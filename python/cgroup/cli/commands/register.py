@@ -317,6 +317,8 @@ def register_command(
             write_error(f"cgroup: wrote {page.name} of the guess that is refused to {escape(str(out))}/")
         if guess is None:
             raise
+        if not html:
+            reason = f"{reason}; --html draws the best guess"
         results = registration_results(guess, clouds, true_pose)
         if true_pose is not None and not as_json:
             print_facts(("truth", f"the guess that is refused is {_say_truth(results)}"))
