@@ -12,7 +12,7 @@ from shared_data import data_folder
 from cgroup.datasets import open_dataset, standin_pair
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.registration import PaperFront, Registration, prepare, register
-from cgroup.registration.scale import fit_similarity
+from cgroup.registration.similarity import fit_similarity
 from cgroup.rigid import apply, check_rigid, scaling, split_scale
 from cgroup.types import PointCloud
 from strategies import random_motion

@@ -18,7 +18,7 @@ from cgroup.registration.judge import (
 )
 from cgroup.registration.own import match_nothing
 from cgroup.registration.prepare import fine_surfaces
-from cgroup.registration.scale import compare_scales
+from cgroup.registration.similarity import compare_scales
 from cgroup.rigid import invert
 from cgroup.verification import align, verify
 

@@ -29,7 +29,7 @@ from cgroup.registration.own import describe_voxels, match_nothing
 from cgroup.registration.paper_front import correspond_by
 from cgroup.registration.prepare import fine_surfaces
 from cgroup.registration.rivals import propose_rivals
-from cgroup.registration.scale import compare_scales
+from cgroup.registration.similarity import compare_scales
 from cgroup.rigid import invert
 from cgroup.verification import align, verify
 from cgroup.verification.alignment import align_each
