@@ -48,7 +48,7 @@ GROUPS: dict[str, dict[str, str]] = {
     "cgroup.features": {
         "Clouds and lengths": "Cloud CloudLike resolution",
         "Thinning": "voxel_downsample choose_voxel Voxels",
-        "Normals": "normals mesh_normals ORIGIN Viewpoint",
+        "Normals and meshes": "normals mesh_normals sample_mesh ORIGIN Viewpoint",
         "Keypoints": "harris3d iss drop_isolated SUPPORT_RADIUS",
         "Local reference frames": "shot_lrf toldi_lrf",
         "Descriptors": "shot lfsh rcs fpfh DescribedCloud",

@@ -15,6 +15,7 @@ from cgroup.datasets import standin_pair
 from cgroup.datasets.matching_problems import make_problem
 from cgroup.io import write_cloud, write_correspondences, write_descriptors, write_transform
 from cgroup.registry import METHOD_INFO
+from cgroup.types import PointCloud
 
 MODULES = ("", "features", "registration", "verification", "evaluation", "nuisances", "rigid", "io")
 
@@ -102,6 +103,7 @@ def _front_end() -> dict[str, dict[str, Any]]:
         "choose_voxel": {"clouds": [cloud, POINTS]},
         "normals": points,
         "mesh_normals": corners,
+        "sample_mesh": {"mesh": PointCloud(corners["points"], faces=corners["faces"])},
         "harris3d": points,
         "iss": points,
         "drop_isolated": points | keypoints,

@@ -6,7 +6,7 @@ The steps of the paper (J. Yang, K. Xian, P. Wang, Y. Zhang, TPAMI 2019, section
 cloud         `Cloud`: points made ready once for all of the steps
 unit          `resolution`: the paper's *pr*
 thinning      `voxel_downsample`, `choose_voxel`
-surface       `normals` (plane fits), `mesh_normals`
+surface       `normals` (plane fits), `mesh_normals`, `sample_mesh`
 detectors     `harris3d`, `iss`; `drop_isolated` removes keypoints without support
 frames        `shot_lrf`, `toldi_lrf`
 descriptors   `shot` (352 numbers), `lfsh` (30), `rcs` (72), `fpfh` (33)
@@ -15,7 +15,7 @@ matching      `match`
 
 Points are (N,3) in any unit and finite; lengths are in that unit. Keypoints are row numbers of the cloud.
 "Within a radius" means nearer than it, as in PCL. For several steps make a `Cloud` of the points first: it
-is checked and indexed once for all of them. All functions but `mesh_normals` take ``threads`` (int
+is checked and indexed once for all of them. All functions but those of meshes take ``threads`` (int
 or None, None for all cores); results do not depend on it. Input that can't be worked with raises
 `InputError`, a `ValueError`.
 
@@ -44,6 +44,7 @@ from cgroup.features.descriptors import fpfh, lfsh, rcs, shot
 from cgroup.features.frames import shot_lrf, toldi_lrf
 from cgroup.features.keypoints import drop_isolated, harris3d, iss
 from cgroup.features.matching import Matches, match
+from cgroup.features.meshes import sample_mesh
 from cgroup.features.surface import ORIGIN, Viewpoint, mesh_normals, normals
 from cgroup.features.voxels import Voxels, choose_voxel, voxel_downsample
 
@@ -67,6 +68,7 @@ __all__ = [
     "normals",
     "rcs",
     "resolution",
+    "sample_mesh",
     "shot",
     "shot_lrf",
     "toldi_lrf",

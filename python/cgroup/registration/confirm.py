@@ -13,6 +13,7 @@ from cgroup.registration.judge import (
     Case,
     Found,
     bound_by_motions,
+    bound_by_size,
     misfit,
     share_probability,
 )
@@ -44,7 +45,7 @@ def confirm_pose(
     found = Found(
         refined,
         np.empty((0, 4, 4)),
-        bound_by_motions(share_probability(case, [])[0], motions),
+        bound_by_size(bound_by_motions(share_probability(case, [])[0], motions), source, target),
         verified.fitness,
         match_nothing(source),
         source,

@@ -54,6 +54,12 @@ PLANES_BY_CHANCE, MOST_FURTHER_PLANES = 4, 3
 LEAD_BY_CHANCE = 1.0
 """Nats by which the best of equal poses leads."""
 
+FEW_VOXELS = 100
+"""Voxels of a cloud below which the probability falls with them."""
+
+MOST_REPEATS = 0.01
+"""Share of a cloud's points beyond which points that repeat others are noted."""
+
 AS_GOOD = 0.3
 """Share of the best pose's probability from which another one counts as an alternative."""
 
@@ -168,6 +174,7 @@ def judge(
         return Judgement(ok=False, probability=0.0, reason=reason, notes=())
     notes = tuple(_notes(found))
     notes += tuple(_count_strays(scan) for scan in (source, target) if scan.scan.strays)
+    notes += tuple(_count_repeats(scan) for scan in (source, target) if _repeats(scan))
     if is_accepted(found.probability):
         notes += (*_find_rounded(source, target), *_find_layers(source, target))
         return Judgement(ok=True, probability=found.probability, reason="", notes=notes)
@@ -305,6 +312,11 @@ def are_alternatives(probability: float, shares: FloatArray) -> BoolArray:
     return (shares >= AS_GOOD) & is_accepted(probability * (1.0 + float(shares.sum())))
 
 
+def bound_by_size(probability: float, *scans: PreparedScan) -> float:
+    """Lower the probability where a cloud has so few voxels that unrelated ones fit by chance."""
+    return probability * min(1.0, min(len(scan) for scan in scans) / FEW_VOXELS)
+
+
 def bound_by_motions(probability: float, motions: int) -> float:
     """Bound the probability of a pose that leaves motions open: along each lie poses as good."""
     return probability if motions <= MOST_OPEN_MOTIONS else min(probability, 1.0 / (1 + motions))
@@ -360,6 +372,15 @@ def _count_strays(scan: PreparedScan) -> str:
     strays = scan.scan.strays
     counted = "one point" if strays == 1 else f"{strays} single points"
     return f"{scan.scan.name}: {counted} far from all others set aside"
+
+
+def _repeats(scan: PreparedScan) -> bool:
+    return scan.scan.repeats > MOST_REPEATS * len(scan.scan.given)
+
+
+def _count_repeats(scan: PreparedScan) -> str:
+    one = scan.scan
+    return f"{one.name}: {one.repeats} of {len(one.given)} points repeat others and were set aside"
 
 
 def _find_rounded(*scans: PreparedScan) -> list[str]:

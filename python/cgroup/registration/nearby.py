@@ -28,6 +28,7 @@ MOST_TURNED = 60.0
 """Degrees beyond which a search everywhere is faster."""
 
 _COARSER, _OF_RADIUS = 3.0, 0.14  # coarse voxels, in voxels; at least that share of the radius
+_OF_CLOUD = 0.16  # coarse voxels at most, of the smaller diagonal
 _STEP, _TURN = 2.7, 15.0  # between starts: coarse voxels, degrees
 _NORMAL_RADIUS = 2.0
 _SLACK = 1.0  # voxels, and degrees
@@ -80,11 +81,14 @@ class Nearby(NamedTuple):
 
     def propose(self, source: PreparedScan, target: PreparedScan, threads: int | None) -> FloatArray:
         """Propose poses, (m,4,4): the best shifts of each turn of a grid, on coarse surfaces."""
-        size = max(_COARSER * source.voxel, _OF_RADIUS * self.radius)
+        diagonals = source.scan.diagonal, target.scan.diagonal
+        size = min(max(_COARSER * source.voxel, _OF_RADIUS * self.radius), _OF_CLOUD * min(diagonals))
+        size = max(size, source.voxel)
         one, other = (_coarse_surface(scan, size, threads) for scan in (source, target))
         axes = target.scan.axes  # not those of the frame, on which nothing may depend
-        shifts = _ball(self.radius, _STEP * size) @ axes
         middle = apply(self.pose, source.scan.centroid[None])[0]
+        apart = float(np.linalg.norm(middle - target.scan.centroid))
+        shifts = _ball(min(self.radius, apart + sum(diagonals) / 2), _STEP * size) @ axes
         found: list[FloatArray] = []
         for turn in _ball(np.radians(self.angle), np.radians(_TURN)) @ axes:
             starts = np.tile(motion(np.append(turn, np.zeros(3)), middle) @ self.pose, (len(shifts), 1, 1))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from cgroup import features
+from cgroup._checks.arrays import in_double
 from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.values import as_choice, as_instance, as_length
 from cgroup._runtime.cached import cached_property
@@ -22,7 +23,7 @@ from cgroup.registration.scan import (
     NORMALS,
     Scan,
     as_model,
-    as_scan,
+    as_surface,
     as_viewpoint,
     check_sizes,
     shows_layers,
@@ -41,6 +42,9 @@ if TYPE_CHECKING:
     from cgroup.registration.scan import Normals
     from cgroup.types import AnyCloud, FloatArray, IndexArray
 
+UNIT = 0.4
+"""Unit of the surfaces and of the matches, in voxels."""
+
 VOXELS = 5000
 """Voxels that a cloud is thinned to, about."""
 
@@ -50,14 +54,24 @@ LEAST_VOXELS = 100
 MOST_VOXELS = 100_000
 """Voxels beyond which matching each with all others takes more than some 20 seconds."""
 
-LEAST_PLANES, LEAST_PLANAR_VOXELS = 0.1, 30
+LEAST_PLANES, LEAST_PLANAR_VOXELS = 0.1, 10
 """Share and number of the voxels that have a normal, below which they are too far apart."""
+
+FEW_VOXELS = 20
+"""Voxels below which a cloud is no surface."""
+
+_SPARSE, _USUAL_PLANES, _COARSER, _LEAST_ACROSS = 4 * VOXELS, 0.9, 2**0.25, 5.0
+"""Points below which a voxel chosen by number may be too small. It grows in such steps until a share of the
+voxels has a normal; a diagonal has more voxels than the last."""
+
+_FEW_POINTS, _FINER_OF_FEW = 300, 0.5
+"""Points of a cloud below which voxels begin finer, and by how much: else too few are left."""
+
+_MOST_BLOCKS, _BLOCK = 2**23, 8 * UNIT
+"""Blocks of a surface's box (half of those allowed), and the edge of one, in voxels."""
 
 _LEAST_OF_EACH, _SIZES_DIFFER = 1000, 2.0
 """Voxels that a cloud gets which is smaller than another, and how much smaller it then is."""
-
-UNIT = 0.4
-"""Unit of the surfaces and of the matches, in voxels."""
 
 NORMAL_NEIGHBORS, FEATURE_NEIGHBORS = 30, 100
 """Most neighbours of a voxel's plane, and of its descriptor's support."""
@@ -469,11 +483,11 @@ def prepare(
         both = "viewpoint, normals"
         raise InputError(both, f"both, but {normals!r} normals are those of whole models", "give one")
     if normals == "pca":
-        scan = as_scan("cloud", cloud)
+        scan = as_surface("cloud", cloud)
         viewpoint = scan.stored_viewpoint if viewpoint is None else viewpoint
         scan = fill_between_rings(without_strays(scan))
     else:
-        scan = as_model("cloud", cloud, normals, voxel)
+        scan = as_model("cloud", cloud, normals)
     radii = DenseFront() if front is None else as_instance("front", front, DenseFront)
     shared = Preparation(_choose_voxel([scan], voxel, threads), radii, threads)
     by_frames = viewpoint is None and normals == "pca"
@@ -513,7 +527,7 @@ def as_given(
     """Check a scan that may be ready; where no viewpoint is given, that of its file may be taken."""
     if isinstance(cloud, PreparedScan):
         return Given(name, cloud, viewpoint)
-    scan = as_scan(name, cloud)
+    scan = as_surface(name, cloud)
     place = scan.stored_viewpoint if viewpoint is None and or_stored else viewpoint
     return Given(name, fill_between_rings(without_strays(scan)), place)
 
@@ -554,6 +568,7 @@ class Preparation(NamedTuple):
         role: str = "",
     ) -> PreparedScan:
         """Make a scan ready; its normals are by frames, by the viewpoint, or those it has."""
+        scan = scan.sampled(self.voxel)
         eye = None if viewpoint is None else scan.viewpoint(viewpoint)
         voxels = self.thin(scan, begin, with_normals=not by_frames and eye is None, role=role)
         _check_most_voxels(scan, self.voxel, len(voxels))
@@ -675,9 +690,47 @@ def _shared_voxel(prepared: Sequence[PreparedScan], voxel: float | None) -> floa
 
 
 def _choose_voxel(scans: Sequence[Scan], voxel: float | None, threads: int | None) -> float:
-    """Return the voxel given, or one that suits all scans: the usual one, or what the smallest needs."""
+    """Return the voxel given, or one that suits all scans: the sparsest, and the widest."""
     if voxel is not None:
         return as_length("voxel", voxel)
+    few = min(len(scan.cloud) for scan in scans) < _FEW_POINTS
+    return suit_all(scans, _choose_by_number(scans, threads) * (_FINER_OF_FEW if few else 1.0), threads)
+
+
+def suit_all(scans: Sequence[Scan], size: float, threads: int | None) -> float:
+    """Return a voxel, or a larger one at which each cloud is a surface that can be worked with."""
+    size = max(size, *(_least_voxel(scan) for scan in scans))
+    for scan in sorted(scans, key=lambda scan: len(scan.cloud)):
+        if len(scan.cloud) >= _SPARSE:
+            break
+        coarser = size
+        while coarser < scan.diagonal / _LEAST_ACROSS and not _is_surface(scan, coarser, threads):
+            coarser *= _COARSER
+        if coarser < scan.diagonal / _LEAST_ACROSS:
+            size = coarser
+    return size
+
+
+def _is_surface(scan: Scan, voxel: float, threads: int | None) -> bool:
+    """Whether most voxels of a cloud have neighbours that fix a plane."""
+    voxels = thin(scan.cloud, voxel, threads=threads).points
+    radius = DenseFront.normal_radius * voxel
+    normals = features.normals(voxels, radius=radius, neighbors=NORMAL_NEIGHBORS, threads=threads)
+    return float(np.isfinite(normals[:, 0]).mean()) >= _USUAL_PLANES
+
+
+def _least_voxel(scan: Scan) -> float:
+    """Return the voxel at which the box of a scan has as many blocks as that of a surface may have."""
+    points = scan.cloud.points
+    sides = in_double(points.max(axis=0)) - in_double(points.min(axis=0))
+    voxel = float(sides.max()) / _BLOCK / _MOST_BLOCKS
+    while np.prod(np.floor(sides / (_BLOCK * voxel)) + 3) > _MOST_BLOCKS:
+        voxel *= _COARSER
+    return voxel
+
+
+def _choose_by_number(scans: Sequence[Scan], threads: int | None) -> float:
+    """Return the usual voxel of all scans, or what the smallest needs."""
 
     def leave(count: int, *scans: Scan) -> float:
         return choose_thinning(*(scan.cloud for scan in scans), voxels=count, threads=threads)
@@ -705,11 +758,13 @@ def _choose_voxel(scans: Sequence[Scan], voxel: float | None, threads: int | Non
 
 def _check_least_voxels(scan: Scan, voxel: float, count: int) -> None:
     """Refuse voxels that leave too little of a cloud."""
-    if count < LEAST_VOXELS:
+    if count < FEW_VOXELS:
         finer = (
-            "" if len(scan.cloud) < LEAST_VOXELS else ", a smaller `voxel`, or both clouds in the same unit"
+            ""
+            if len(scan.cloud) < 1.5 * FEW_VOXELS
+            else ", a smaller `voxel`, or both clouds in the same unit"
         )
-        left = f"{_say_filled(scan, voxel, count)}; {LEAST_VOXELS} are needed"
+        left = f"{_say_filled(scan, voxel, count)}; {FEW_VOXELS} are needed"
         raise InputError(scan.name, remedy=f"{left}: give more points{finer}")
 
 

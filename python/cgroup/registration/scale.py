@@ -233,7 +233,9 @@ def _scaled(given: Given, scale: float) -> Given:
     cloud = Cloud(scale * in_double(scan.cloud.points), name=scan.name)
     if place is not None and not isinstance(place, ViewDirection):
         place = scale * np.asarray(place, dtype=np.float64)
-    return given._replace(scan=replace(scan, cloud=cloud, rounding=scale * scan.rounding), viewpoint=place)
+    return given._replace(
+        scan=replace(scan, cloud=cloud, mesh=None, rounding=scale * scan.rounding), viewpoint=place
+    )
 
 
 def _weigh_scales(

@@ -12,7 +12,6 @@ from cgroup._checks.arrays import (
     as_direction,
     as_faces,
     as_place,
-    as_points,
     in_double,
     real_normals,
     real_points,
@@ -21,8 +20,9 @@ from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_length
 from cgroup._runtime.cached import cached_property
 from cgroup.errors import InputError
-from cgroup.features import Cloud
+from cgroup.features import Cloud, sample_mesh
 from cgroup.features.cloud import core_cloud
+from cgroup.features.meshes import longest_edges
 from cgroup.types import PointCloud, find_cloud
 
 if TYPE_CHECKING:
@@ -65,9 +65,10 @@ _FAR, _ROOM, _ALONE = 3.0, 0.5, 4
 _ENOUGH = 20_000  # points that tell the size of a cloud
 _DIRECTIONS, _FEW = 1000, 8  # looked at, of which one in so many first
 _NEARBY, _LAYERS_APART = 4, 3.0  # nearest directions of each, voxels
-_MOST_POINTS = 20_000_000
-_USUAL_POINTS = 40_000
+_LARGE, _LARGE_SHARE, _FEW_VERTICES = 4.0, 0.2, 2000
+"""Length of a large face in mean spacings; share of the area in them, or vertices, that need samples."""
 _MESH_SPACING = 0.5  # voxels between points on a large face
+_HASH = np.uint64(0x9E3779B97F4A7C15), np.uint64(29)
 
 
 class ViewDirection(NamedTuple):
@@ -119,7 +120,11 @@ class Scan:
     given : (n,3) array of float32 or float64
         The points before strays were set aside and gaps were filled in.
     strays : int
-        Points that were set aside.
+        Single points far from all others that were set aside.
+    rows : (M,) array of int64 or None
+        First row of each distinct point among the `given`; None where no two coincide.
+    mesh : PointCloud or None
+        What the points were sampled on.
     rounding : float
         Spacing of the numbers of single precision at the points that are far from the origin, where the
         coordinates are such numbers and lie nearly as far apart as the points; else 0.
@@ -133,6 +138,8 @@ class Scan:
     name: str
     given: RealArray
     strays: int = 0
+    rows: IndexArray | None = None
+    mesh: PointCloud | None = None
     rounding: float = 0.0
     stored_viewpoint: list[float] | None = None
 
@@ -150,6 +157,20 @@ class Scan:
     def diagonal(self) -> float:
         """Diagonal of the box around the cloud along its own axes."""
         return float(np.linalg.norm(np.ptp(in_double(self.cloud.points) @ self.axes.T, axis=0)))
+
+    @property
+    def repeats(self) -> int:
+        """Number of points that repeat others; they were set aside."""
+        return 0 if self.rows is None else len(self.given) - len(self.rows)
+
+    def sampled(self, voxel: float) -> Scan:
+        """Return the scan with the faces of its mesh, if it was made of one, sampled for a voxel."""
+        if self.mesh is None:
+            return self
+        finer = as_scan(self.name, sample_mesh(self.mesh, spacing=_MESH_SPACING * voxel))
+        if len(finer.cloud) <= len(self.cloud):
+            return self
+        return replace(self, cloud=finer.cloud, normals=finer.normals)
 
     def has(self, normals: Normals) -> bool:
         """Whether the cloud has what such normals need."""
@@ -242,18 +263,86 @@ def as_scan(name: str, cloud: Scan | Cloud | AnyCloud) -> Scan:
         normals, faces = _surface_of(name, cloud, len(points))
     else:
         points = cloud.points if isinstance(cloud, Cloud) else real_points(name, cloud)
-    if len(points) <= NORMAL_NEIGHBORS:
-        raise InputError(name, f"{len(points)} points", f"descriptors need more than {NORMAL_NEIGHBORS}")
-    ready = cloud if isinstance(cloud, Cloud) else Cloud(points, name=name)
-    if ready.diagonal == 0:
+    rows, first = points, find_distinct(points)
+    if first is not None:
+        rows, normals = points[first], None if normals is None else normals[first]
+        faces = None if faces is None else _renumber(points, first)[faces]
+    if len(rows) == 1 < len(points):
         raise InputError(name, remedy="all its points coincide; give a cloud of a surface")
-    scan = Scan(ready, normals, faces, name, ready.points, rounding=_find_rounding(ready))
+    if len(rows) <= NORMAL_NEIGHBORS:
+        distinct = "" if first is None else " distinct"
+        remedy = f"descriptors need more than {NORMAL_NEIGHBORS}"
+        raise InputError(name, f"{len(rows)}{distinct} points", remedy)
+    ready = cloud if isinstance(cloud, Cloud) and first is None else Cloud(rows, name=name)
+    scan = Scan(ready, normals, faces, name, points, rows=first, rounding=_find_rounding(ready))
     if not isinstance(cloud, PointCloud) or cloud.viewpoint is None:
         return scan
     place = as_place(f"{name}.viewpoint", cloud.viewpoint)
     return (
         replace(scan, stored_viewpoint=place) if scan.distance(place) <= MAX_RANGE * scan.diagonal else scan
     )
+
+
+def as_surface(name: str, cloud: Scan | Cloud | AnyCloud) -> Scan:
+    """Check a cloud and index it; a mesh whose vertices alone do not show its surface is sampled."""
+    if isinstance(cloud, Scan):
+        return as_scan(name, cloud)
+    cloud = as_point_cloud(name, cloud)
+    if not isinstance(cloud, PointCloud) or cloud.faces is None or not _needs_samples(name, cloud):
+        return as_scan(name, cloud)
+    return _sampled(name, cloud)
+
+
+def _sampled(name: str, mesh: PointCloud) -> Scan:
+    """Return points on the faces of a mesh as a scan."""
+    points = real_points(name, mesh.points)
+    _surface_of(name, mesh, len(points))
+    scan = as_scan(name, replace(sample_mesh(mesh), viewpoint=mesh.viewpoint))
+    return replace(scan, given=points, rows=None, mesh=mesh)
+
+
+def _needs_samples(name: str, mesh: PointCloud) -> bool:
+    """Whether the vertices of a mesh are few, or leave out much of its area."""
+    points = in_double(real_points(name, mesh.points))
+    faces = _surface_of(name, mesh, len(points))[1]
+    if faces is None or len(faces) == 0:
+        return False
+    corners = points[faces]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = np.linalg.norm(across, axis=1) / 2
+    used = np.zeros(len(points), dtype=bool)
+    used[faces[areas > 0]] = True
+    count = int(used.sum())
+    if 2 * count < len(points) or count == 0:  # a cloud with some faces
+        return False
+    large = longest_edges(corners) > _LARGE * np.sqrt(areas.sum() / count)
+    return count < _FEW_VERTICES or bool(areas[large].sum() > _LARGE_SHARE * areas.sum())
+
+
+def find_distinct(points: RealArray) -> IndexArray | None:
+    """Return the first row of each distinct point, ascending; None where no two coincide."""
+    keys = np.zeros(len(points), dtype=np.uint64)
+    multiplier, shift = _HASH
+    bits = np.dtype(f"u{points.dtype.itemsize}")
+    for axis in range(3):
+        keys += np.ascontiguousarray(points[:, axis] + points.dtype.type(0)).view(bits)  # -0 is 0
+        keys *= multiplier
+        keys ^= keys >> shift
+    ordered = np.sort(keys)
+    if (ordered[1:] != ordered[:-1]).all():
+        return None
+    _, first, inverse = np.unique(keys, return_index=True, return_inverse=True)
+    if (points[first][inverse.reshape(-1)] != points).any():  # two points with the same key
+        first = np.unique(points, axis=0, return_index=True)[1]
+    return None if len(first) == len(points) else np.sort(first)
+
+
+def _renumber(points: RealArray, first: IndexArray) -> IndexArray:
+    """Return the row of each point among the distinct ones."""
+    place = np.unique(points, axis=0, return_inverse=True)[1].reshape(-1)
+    rows = np.empty(len(first), dtype=np.int64)
+    rows[place[first]] = np.arange(len(first))
+    return rows[place]
 
 
 def _find_rounding(cloud: Cloud) -> float:
@@ -323,7 +412,7 @@ def check_sizes(scans: Sequence[Scan]) -> None:
         )
 
 
-def as_model(name: str, cloud: Cloud | AnyCloud, normals: Normals, voxel: float | None) -> Scan:
+def as_model(name: str, cloud: Cloud | AnyCloud, normals: Normals) -> Scan:
     """Check a whole model, whose normals or faces tell its outside."""
     cloud = as_point_cloud(name, cloud)
     if not isinstance(cloud, PointCloud) or getattr(cloud, NEEDED_FOR[normals]) is None:
@@ -332,66 +421,4 @@ def as_model(name: str, cloud: Cloud | AnyCloud, normals: Normals, voxel: float 
             f"no {NEEDED_FOR[normals]}, which tell the outside of a model",
             "give a `PointCloud` with them, or another library's cloud or mesh",
         )
-    if normals == "given":
-        return as_scan(name, cloud)
-    spacing = None if voxel is None else _MESH_SPACING * as_length("voxel", voxel)
-    scan = as_scan(name, _sample_mesh(cloud, spacing))
-    return replace(scan, given=scan.given[: len(cloud.points)])
-
-
-def _sample_mesh(mesh: PointCloud, spacing: float | None) -> PointCloud:
-    """Return the vertices of a mesh, points between them on large faces, and normals outwards.
-
-    Parameters
-    ----------
-    mesh : PointCloud
-        With faces.
-    spacing : float or None
-        Largest distance between neighbouring points of a face, in the unit of the points; None for some
-        40,000 points.
-
-    Returns
-    -------
-    PointCloud
-        Vertices first; normals are NaN for vertices that no face has.
-
-    Raises
-    ------
-    InputError
-        If that were too many points.
-    """
-    assert mesh.faces is not None  # noqa: S101 - the caller looks
-    points, faces = as_points("model", mesh.points), np.asarray(mesh.faces)
-    normals = features.mesh_normals(points, faces)
-    corners = points[faces]
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    if spacing is None:
-        spacing = float(np.sqrt(np.linalg.norm(across, axis=1).sum() / 2 / _USUAL_POINTS))
-    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1, initial=0.0)
-    parts = np.maximum(np.ceil(longest / spacing), 1)
-    total = len(points) + float((parts**2).sum()) / 2
-    if total > _MOST_POINTS:
-        raise InputError(
-            "model",
-            remedy=(
-                f"{total:.3g} points would lie {spacing:.3g} apart on its faces; "
-                "give it in the scene's unit, or a larger `voxel`"
-            ),
-        )
-    # An area with a side: that of the normals of its corners.
-    inwards = np.einsum("fx,fx->f", across, np.nansum(normals[faces], axis=1)) < 0
-    outwards = np.where(inwards, -1.0, 1.0)[:, None] * across
-    places, directions = [points], [normals]
-    for count in np.unique(parts[parts > 1]).astype(int):
-        chosen = np.flatnonzero(parts == count)
-        weights = _barycentric_grid(count)
-        places.append(np.einsum("gk,fkx->fgx", weights, corners[chosen]).reshape(-1, 3))
-        directions.append(np.repeat(outwards[chosen], len(weights), axis=0))
-    return PointCloud(np.concatenate(places), np.concatenate(directions))
-
-
-def _barycentric_grid(parts: int) -> FloatArray:
-    """Weights of points on a triangle whose edges are cut into parts, without its corners."""
-    first, second = (steps.reshape(-1) for steps in np.meshgrid(*2 * [np.arange(parts + 1)], indexing="ij"))
-    steps = np.stack([first, second, parts - first - second], axis=1)
-    return steps[(steps >= 0).all(axis=1) & (steps < parts).all(axis=1)] / parts
+    return as_scan(name, cloud) if normals == "given" else _sampled(name, cloud)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
 from cgroup._runtime.cached import cached_property
+from cgroup.errors import InputError
 from cgroup.features import ORIGIN
 from cgroup.registration.covariance import count_open_motions
 from cgroup.registration.evidence import gather
@@ -16,6 +18,7 @@ from cgroup.registration.judge import (
     Found,
     are_alternatives,
     bound_by_motions,
+    bound_by_size,
     choose_apart,
     is_accepted,
     is_sure,
@@ -129,8 +132,9 @@ class Search:
             return self._search_matches(source, target, matches)
         best = self._search_voxels(source, target, 1)
         if self.effort == "high" and (best is None or not is_accepted(best.probability)):
-            finer = source.resized(_FINER, self.clock.start), target.resized(_FINER, self.clock.start)
-            best = _better(best, self._search_voxels(*finer, _FINER_NEIGHBORS))
+            with suppress(InputError):  # where the points lie too far apart for finer voxels
+                finer = source.resized(_FINER, self.clock.start), target.resized(_FINER, self.clock.start)
+                best = _better(best, self._search_voxels(*finer, _FINER_NEIGHBORS))
         return best
 
     def _search_matches(
@@ -267,7 +271,7 @@ class Search:
         chance, shares = share_probability(cases[0], cases[1:])
         best = ranked[rows[0]].found
         motions = count_open_motions(best, source, target)
-        chance = bound_by_motions(chance, motions)
+        chance = bound_by_size(bound_by_motions(chance, motions), source, target)
         return Found(
             best,
             poses[rows[1:]][are_alternatives(chance, shares)],

@@ -24,6 +24,7 @@ from cgroup.registration.judge import (
     Found,
     are_alternatives,
     bound_by_motions,
+    bound_by_size,
     choose_apart,
     is_accepted,
     is_sure,
@@ -304,6 +305,7 @@ class _Locating:
         best, *rivals = (ranked[row] for row in rows)
         chance, shares = share_probability(best.case, [rival.case for rival in rivals])
         chance = bound_by_motions(chance, best.found.motions)
+        chance = bound_by_size(chance, best.found.source, best.found.target)
         alike = np.flatnonzero(are_alternatives(chance, shares)).tolist()
         places = [(best, chance), *((rivals[row], chance * min(float(shares[row]), 1.0)) for row in alike)]
         return [

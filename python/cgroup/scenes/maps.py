@@ -18,7 +18,7 @@ from cgroup.errors import InputError
 from cgroup.features import Cloud, DescribedCloud, Voxels
 from cgroup.registration import DenseFront
 from cgroup.registration.prepare import LEAST_VOXELS, UNIT, Preparation, assemble
-from cgroup.registration.scan import Scan, as_scan, without_strays
+from cgroup.registration.scan import Scan, as_scan, as_surface, without_strays
 from cgroup.scenes.map_files import load_arrays, not_a_map, save_arrays
 from cgroup.scenes.plan_view import PlanView, find_layers
 from cgroup.scenes.scene import Scene
@@ -211,7 +211,7 @@ class PreparedMap:
         >>> len(place.add(placed).points) == len(pair.source) + len(pair.target)
         True
         """
-        points = np.concatenate([self.points, as_scan("cloud", cloud).cloud.points])
+        points = np.concatenate([self.points, as_surface("cloud", cloud).cloud.points])
         return prepare_map(points, voxel=self.voxel, threads=self.threads)
 
     def save(self, folder: str | os.PathLike[str]) -> None:
@@ -344,7 +344,8 @@ def prepare_map(
     """
     begin = as_stage_function(progress)
     begin("points")
-    given = without_strays(as_scan("cloud", cloud.merged() if isinstance(cloud, Scene) else cloud)).cloud
+    surface = as_surface("cloud", cloud.merged() if isinstance(cloud, Scene) else cloud)
+    given = without_strays(surface if voxel is None else surface.sampled(as_length("voxel", voxel))).cloud
     if voxel is not None:
         size = as_length("voxel", voxel)
         return PreparedMap(given.points, [_describe(given, size, threads, begin)], size, threads)

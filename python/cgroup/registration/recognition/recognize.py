@@ -215,24 +215,18 @@ def _prepare_all(
         raise InputError("models", "none", "give one or more, by name")
     target = as_given("scene", scene, viewpoint)
     by_frames = target.by_frames
-    sources = [_as_model(name, model, None, by_frames=by_frames) for name, model in models.items()]
+    sources = [_as_model(name, model, by_frames=by_frames) for name, model in models.items()]
     if voxel is None and not any(one.is_ready for one in (target, *sources)):
         voxel = _choose_voxel(target, sources, threads)
     shared = agree([target, *sources], voxel, None, threads)
-    library: dict[str, PreparedScan] = {}
-    for name, model in models.items():
-        sampled = _as_model(name, model, shared.voxel, by_frames=by_frames)
-        library[name] = shared.finish(sampled, clock.start, by_frames=by_frames)
+    library = {
+        name: shared.finish(model, clock.start, by_frames=by_frames)
+        for name, model in zip(models, sources, strict=True)
+    }
     return library, shared.finish(target, clock.start, by_frames=by_frames)
 
 
-def _as_model(
-    name: str,
-    model: PreparedScan | Cloud | AnyCloud,
-    voxel: float | None,
-    *,
-    by_frames: bool,
-) -> Given:
+def _as_model(name: str, model: PreparedScan | Cloud | AnyCloud, *, by_frames: bool) -> Given:
     """Check a model; unless it is ready, it gets normals outwards from its faces, or else those it has."""
     label = f"model {show(name)}"
     if isinstance(model, PreparedScan):
@@ -253,7 +247,7 @@ def _as_model(
             "neither faces nor normals, which tell its outside",
             "give a `PointCloud` with them, or leave out `viewpoint`",
         )
-    return as_given(label, as_model(label, model, "mesh" if has_faces else "given", voxel))
+    return as_given(label, as_model(label, model, "mesh" if has_faces else "given"))
 
 
 def _choose_voxel(scene: Given, models: Sequence[Given], threads: int | None) -> float:

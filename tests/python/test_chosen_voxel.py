@@ -1,0 +1,100 @@
+"""The voxel chosen by `register`: repeated points, sparse clouds, wide frames; and meshes as surfaces."""
+
+import numpy as np
+import pytest
+
+from cgroup import NoConsensusError, register
+from cgroup.datasets import standin_pair
+from cgroup.features import sample_mesh
+from cgroup.io import PointCloud
+from cgroup.registration import assess
+from cgroup.registration.scan import as_scan, find_distinct
+
+PAIR = standin_pair(pixels=70)
+SOURCE, TARGET, T = PAIR.source.points, PAIR.target.points, PAIR.T_target_source
+BOX = np.array([[x, y, z] for x in (0, 60) for y in (0, 40) for z in (0, 8)], dtype=float)
+FACES = np.array(
+    [
+        (0, 1, 3),
+        (0, 3, 2),
+        (4, 6, 7),
+        (4, 7, 5),
+        (0, 4, 5),
+        (0, 5, 1),
+        (2, 3, 7),
+        (2, 7, 6),
+        (0, 2, 6),
+        (0, 6, 4),
+        (1, 5, 7),
+        (1, 7, 3),
+    ]
+)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_repeated_points_change_nothing(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    rows = rng.permutation(np.concatenate([np.arange(len(SOURCE)), rng.integers(0, len(SOURCE), 9000)]))
+    once, often = register(SOURCE, TARGET), register(SOURCE[rows], TARGET)
+    assert often.ok
+    assert often.voxel == pytest.approx(once.voxel, rel=1e-6)
+    assert f"9000 of {len(rows)} points repeat others" in " ".join(often.notes)
+
+
+def test_rows_of_matches_are_those_of_the_points_as_given() -> None:
+    matches = np.arange(0, 2 * len(SOURCE), 40)
+    twice = np.repeat(SOURCE, 2, axis=0)
+    done = register(twice, twice @ T[:3, :3].T + T[:3, 3], matches=(matches, matches))
+    assert done.ok
+    np.testing.assert_allclose(done.T_target_source, T, atol=0.01)
+
+
+def test_distinct_points_keep_their_order() -> None:
+    points = np.array([[1.0, 0, 0], [0, 0, 0], [-0.0, 0, 0], [1, 0, 0], [2, 0, 0]])
+    rows = find_distinct(points)
+    assert rows is not None
+    assert rows.tolist() == [0, 1, 4]
+    grid = np.stack(np.meshgrid(*3 * [np.arange(40.0)]), axis=-1).reshape(-1, 3)
+    assert find_distinct(grid) is None
+    assert find_distinct(grid.astype(np.float32)) is None
+    assert as_scan("cloud", np.repeat(grid, 3, axis=0)).repeats == 2 * len(grid)
+
+
+@pytest.mark.parametrize("count", [300, 600])
+def test_a_sparse_cloud_is_registered_on_a_dense_one(count: int) -> None:
+    rng = np.random.default_rng(0)
+    done = register(SOURCE[rng.permutation(len(SOURCE))[:count]], TARGET)
+    np.testing.assert_allclose(done.T_target_source[:3, :3], T[:3, :3], atol=0.05)
+
+
+@pytest.mark.parametrize("count", [30, 60, 120])
+def test_few_points_get_a_verdict(count: int) -> None:
+    other = standin_pair(seed=1, pixels=70).target.points
+    rng = np.random.default_rng(count)
+    with pytest.raises(NoConsensusError):
+        register(rng.permutation(SOURCE)[:count], rng.permutation(other)[:count])
+
+
+def test_a_wide_radius_around_a_rough_pose_is_searched() -> None:
+    assert register(SOURCE, TARGET, initial=T, radius=2000.0).ok
+
+
+def test_samples_depend_on_the_faces_alone() -> None:
+    rng = np.random.default_rng(0)
+    order, unused = rng.permutation(len(BOX)), [[9.0, 9, 9]]
+    mixed = PointCloud(np.concatenate([BOX[order], unused]), faces=np.argsort(order)[rng.permutation(FACES)])
+    one, other = (sample_mesh(mesh, spacing=2.0).points for mesh in (PointCloud(BOX, faces=FACES), mixed))
+    np.testing.assert_allclose(np.unique(one.round(9), axis=0), np.unique(other.round(9), axis=0))
+    area = 2 * (60 * 40 + 60 * 8 + 40 * 8)
+    assert area / 4 < len(one) < 2 * area / 4
+
+
+def test_faces_count_in_register_and_assess() -> None:
+    small = BOX * (0.4, 0.3, 1.5) + (5, 5, 8)
+    tall = BOX * (0.3, 0.2, 3) + (36, 22, 8)
+    cad = PointCloud(np.concatenate([BOX, small, tall]), faces=np.concatenate([FACES, FACES + 8, FACES + 16]))
+    dense = sample_mesh(cad, spacing=0.7).points
+    scan = dense @ T[:3, :3].T + T[:3, 3] + np.random.default_rng(0).normal(0, 0.02, dense.shape)
+    done = register(cad, scan)
+    np.testing.assert_allclose(done.T_target_source[:3, :3], T[:3, :3], atol=0.01)
+    assert assess(cad, scan, T).ok
