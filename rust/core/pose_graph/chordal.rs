@@ -50,10 +50,9 @@ fn turn_nodes(poses: &mut [Rigid], links: &[Link]) -> Result<bool> {
             system.add_diagonal(node - 1, diagonal.as_slice());
         }
     }
-    if !system.factorize() {
+    if !(system.factorize() && system.solve(&mut sides)?) {
         return Ok(false);
     }
-    system.solve(&mut sides);
     for (node, pose) in poses.iter_mut().enumerate().skip(1) {
         let solved = Matrix3::from_fn(|row, column| sides[column * rows + 3 * (node - 1) + row]);
         pose.rotation = rotation_from_covariance(&solved);
@@ -80,10 +79,9 @@ fn shift_nodes(poses: &mut [Rigid], links: &[Link]) -> Result<bool> {
             add_below(&mut system, link.from.max(link.to), link.from.min(link.to), &[-weight]);
         }
     }
-    if !system.factorize() {
+    if !(system.factorize() && system.solve(&mut sides)?) {
         return Ok(false);
     }
-    system.solve(&mut sides);
     for (node, pose) in poses.iter_mut().enumerate().skip(1) {
         (0..3).for_each(|axis| pose.translation[axis] = sides[axis * unknowns + node - 1]);
     }

@@ -57,9 +57,8 @@ pub fn minimize_weighted<'a>(
         while damping <= MOST_DAMPING {
             execution.check()?;
             problem.system.set_diagonal(diagonal.iter().map(|entry| entry * (1.0 + damping)));
-            if problem.system.factorize() {
-                step.iter_mut().zip(&problem.gradient).for_each(|(slot, slope)| *slot = -slope);
-                problem.system.solve(&mut step);
+            step.iter_mut().zip(&problem.gradient).for_each(|(slot, slope)| *slot = -slope);
+            if problem.system.factorize() && problem.system.solve(&mut step)? {
                 let moved = problem.moved(poses, &step)?;
                 let reached = problem.cost(&moved)?;
                 if reached <= cost {
@@ -94,9 +93,12 @@ pub fn covariances(
 ) -> Result<Vec<Matrix6<f64>>> {
     let mut problem = Linearization::new(poses.len(), links.iter().map(|&link| (link, 1.0)), 6)?;
     problem.linearize(poses, execution)?;
-    if !problem.system.factorize() {
+    let open = || {
         let got = "edges that leave poses open";
-        return Err(Error::invalid("information", got, "give positive definite matrices"));
+        Error::invalid("information", got, "give positive definite matrices")
+    };
+    if !problem.system.factorize() {
+        return Err(open());
     }
     let rows = problem.system.len();
     let mut sides = memory::filled(0.0, 6 * rows)?;
@@ -106,7 +108,9 @@ pub fn covariances(
         let Some(first) = problem.unknown(node).map(|unknown| 6 * unknown) else { continue };
         sides.fill(0.0);
         (0..6).for_each(|k| sides[k * rows + first + k] = 1.0);
-        problem.system.solve(&mut sides);
+        if !problem.system.solve(&mut sides)? {
+            return Err(open());
+        }
         let solved = Matrix6::from_fn(|row, column| sides[column * rows + first + row]);
         *covariance = (solved + solved.transpose()) * 0.5;
     }

@@ -6,6 +6,8 @@
 
 mod chordal;
 mod components;
+mod conjugate;
+mod factor;
 mod growth;
 mod linearization;
 mod minimum;

@@ -1,30 +1,35 @@
 //! A sparse symmetric positive definite system of square blocks, one row of blocks per unknown node.
 
-use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
-use faer::linalg::cholesky::llt::factor::LltRegularization;
-use faer::perm::PermRef;
-use faer::sparse::linalg::amd;
-use faer::sparse::linalg::cholesky::{
-    CholeskySymbolicParams, LltRef, SymbolicCholesky, SymmetricOrdering, factorize_symbolic_cholesky,
-};
-use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
-use faer::{Conj, MatMut, Par, Side, Spec};
-
+use super::conjugate::Conjugate;
+use super::factor::{Factor, Order};
 use crate::error::{Error, Result};
 use crate::memory;
 
-/// The lower triangle of the matrix, its factor, and the memory that both need.
-pub struct System {
+/// Multiplications of a factorization, per entry of the matrix, above which the system is solved by conjugate gradients.
+const DENSE_FACTOR: f64 = 2000.0;
+
+/// The lower triangle of a matrix.
+pub struct Matrix {
     size: usize,
-    unknowns: usize,
-    block_starts: Vec<usize>,
-    block_rows: Vec<u32>,
-    column_starts: Vec<u32>,
-    rows: Vec<u32>,
-    values: Vec<f64>,
-    symbolic: SymbolicCholesky<u32>,
-    factor: Vec<f64>,
-    scratch: MemBuffer,
+    pub unknowns: usize,
+    pub block_starts: Vec<usize>,
+    pub block_rows: Vec<u32>,
+    pub column_starts: Vec<u32>,
+    pub rows: Vec<u32>,
+    pub values: Vec<f64>,
+}
+
+/// A matrix, and the solver that suits it.
+pub struct System {
+    matrix: Matrix,
+    order: Order,
+    sides: usize,
+    solver: Solver,
+}
+
+enum Solver {
+    Factor(Factor),
+    Conjugate(Conjugate),
 }
 
 /// Where a block below the diagonal is.
@@ -34,15 +39,9 @@ pub struct Place {
     place: usize,
 }
 
-impl System {
-    /// An empty system of `unknowns` nodes with blocks of `size` rows, where `pairs` of different nodes share an edge;
-    /// it is solved for `sides` right-hand sides at once.
-    pub fn new(
-        unknowns: usize,
-        size: usize,
-        pairs: impl Iterator<Item = (usize, usize)>,
-        sides: usize,
-    ) -> Result<Self> {
+impl Matrix {
+    /// A matrix of zeros where pairs of different nodes share a block.
+    fn new(unknowns: usize, size: usize, pairs: impl Iterator<Item = (usize, usize)>) -> Result<Self> {
         if unknowns.checked_mul(size).is_none_or(|rows| rows > i32::MAX as usize) {
             return Err(Error::invalid("poses", unknowns, "give fewer nodes"));
         }
@@ -53,8 +52,6 @@ impl System {
         pairs.iter().for_each(|&(column, _)| block_starts[column as usize + 1] += 1);
         (0..unknowns).for_each(|column| block_starts[column + 1] += block_starts[column]);
         let block_rows = memory::collect(pairs.iter().map(|&(_, row)| row))?;
-        let (forward, backward) = scalar_order(unknowns, size, &block_starts, &block_rows)?;
-
         let entries = unknowns * size * (size + 1) / 2 + block_rows.len() * size * size;
         if entries > i32::MAX as usize {
             return Err(Error::OutOfMemory { bytes: entries.saturating_mul(size_of::<f64>()) });
@@ -72,32 +69,8 @@ impl System {
             }
         }
         column_starts.push(rows.len() as u32);
-
-        let scalars = unknowns * size;
-        let pattern = SymbolicSparseColMatRef::new_checked(scalars, scalars, &column_starts, None, &rows);
-        let order = SymmetricOrdering::Custom(PermRef::new_checked(&forward, &backward, scalars));
-        let symbolic =
-            factorize_symbolic_cholesky(pattern, Side::Lower, order, CholeskySymbolicParams::default())
-                .map_err(|_| refused::<f64>(rows.len()))?;
-        let factor = memory::filled(0.0, symbolic.len_val())?;
-        let needed = StackReq::any_of(&[
-            symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Spec::default()),
-            symbolic.solve_in_place_scratch::<f64>(sides, Par::Seq),
-        ]);
-        let scratch = MemBuffer::try_new(needed).map_err(|_| refused::<u8>(needed.size_bytes()))?;
         let values = memory::filled(0.0, rows.len())?;
-        Ok(Self {
-            size,
-            unknowns,
-            block_starts,
-            block_rows,
-            column_starts,
-            rows,
-            values,
-            symbolic,
-            factor,
-            scratch,
-        })
+        Ok(Self { size, unknowns, block_starts, block_rows, column_starts, rows, values })
     }
 
     /// Number of scalar rows.
@@ -105,110 +78,151 @@ impl System {
         self.unknowns * self.size
     }
 
+    /// Rows of a block.
+    pub fn block_size(&self) -> usize {
+        self.size
+    }
+
+    /// An entry of a diagonal block, `row >= column`.
+    pub fn diagonal_entry(&self, node: usize, row: usize, column: usize) -> f64 {
+        self.values[self.column_starts[node * self.size + column] as usize + row - column]
+    }
+
+    /// Multiplies the whole symmetric matrix with a vector.
+    pub fn multiply(&self, vector: &[f64], image: &mut [f64]) {
+        image.fill(0.0);
+        for column in 0..self.unknowns {
+            let below = &self.block_rows[self.block_starts[column]..self.block_starts[column + 1]];
+            for k in 0..self.size {
+                let scalar = column * self.size + k;
+                let start = self.column_starts[scalar] as usize;
+                let (diagonal, blocks) =
+                    self.values[start..self.column_starts[scalar + 1] as usize].split_at(self.size - k);
+                let factor = vector[scalar];
+                let mut sum = diagonal[0] * factor;
+                for (row, entry) in diagonal.iter().enumerate().skip(1) {
+                    image[scalar + row] += entry * factor;
+                    sum += entry * vector[scalar + row];
+                }
+                for (block, &node) in blocks.chunks_exact(self.size).zip(below) {
+                    let rows = node as usize * self.size..(node as usize + 1) * self.size;
+                    let slots = image[rows.clone()].iter_mut().zip(&vector[rows]);
+                    for ((slot, other), entry) in slots.zip(block) {
+                        *slot += entry * factor;
+                        sum += entry * other;
+                    }
+                }
+                image[scalar] += sum;
+            }
+        }
+    }
+}
+
+impl System {
+    /// An empty system of `unknowns` nodes with blocks of `size` rows, where `pairs` of different nodes share an edge;
+    /// it is solved for `sides` right-hand sides at once.
+    pub fn new(
+        unknowns: usize,
+        size: usize,
+        pairs: impl Iterator<Item = (usize, usize)>,
+        sides: usize,
+    ) -> Result<Self> {
+        let matrix = Matrix::new(unknowns, size, pairs)?;
+        let order = Order::new(&matrix)?;
+        let products = order.products * (size * size * size) as f64;
+        let solver = if products > DENSE_FACTOR * matrix.values.len() as f64 {
+            Solver::Conjugate(Conjugate::new(matrix.len(), size)?)
+        } else {
+            Solver::Factor(Factor::new(&matrix, &order, sides)?)
+        };
+        Ok(Self { matrix, order, sides, solver })
+    }
+
+    /// Number of scalar rows.
+    pub fn len(&self) -> usize {
+        self.matrix.len()
+    }
+
     /// Where the block of two nodes is, `row > column`; `None` where they share no edge.
     pub fn place(&self, row: usize, column: usize) -> Option<Place> {
-        let below = &self.block_rows[self.block_starts[column]..self.block_starts[column + 1]];
+        let Matrix { block_rows, block_starts, .. } = &self.matrix;
+        let below = &block_rows[block_starts[column]..block_starts[column + 1]];
         below.binary_search(&(row as u32)).ok().map(|place| Place { column, place })
     }
 
     /// Empties the matrix.
     pub fn clear(&mut self) {
-        self.values.fill(0.0);
+        self.matrix.values.fill(0.0);
     }
 
     /// Adds a symmetric block, column by column, on the diagonal.
     pub fn add_diagonal(&mut self, node: usize, block: &[f64]) {
-        for (k, column) in block.chunks_exact(self.size).enumerate() {
-            let start = self.column_starts[node * self.size + k] as usize;
-            add(&mut self.values[start..start + self.size - k], &column[k..]);
+        let Matrix { size, column_starts, values, .. } = &mut self.matrix;
+        for (k, column) in block.chunks_exact(*size).enumerate() {
+            let start = column_starts[node * *size + k] as usize;
+            add(&mut values[start..start + *size - k], &column[k..]);
         }
     }
 
     /// Adds a block, column by column, below the diagonal.
     pub fn add_below(&mut self, place: Place, block: &[f64]) {
-        for (k, column) in block.chunks_exact(self.size).enumerate() {
-            let start = self.column_starts[place.column * self.size + k] as usize;
-            let start = start + self.size - k + place.place * self.size;
-            add(&mut self.values[start..start + self.size], column);
+        let Matrix { size, column_starts, values, .. } = &mut self.matrix;
+        for (k, column) in block.chunks_exact(*size).enumerate() {
+            let start = column_starts[place.column * *size + k] as usize;
+            let start = start + *size - k + place.place * *size;
+            add(&mut values[start..start + *size], column);
         }
     }
 
     /// The entries on the diagonal.
     pub fn diagonal(&self) -> impl Iterator<Item = f64> + '_ {
-        self.column_starts[..self.len()].iter().map(|&start| self.values[start as usize])
+        self.matrix.column_starts[..self.len()].iter().map(|&start| self.matrix.values[start as usize])
     }
 
     /// Sets the entries on the diagonal.
     pub fn set_diagonal(&mut self, entries: impl Iterator<Item = f64>) {
-        for (&start, entry) in self.column_starts.iter().zip(entries) {
-            self.values[start as usize] = entry;
+        for (&start, entry) in self.matrix.column_starts.iter().zip(entries) {
+            self.matrix.values[start as usize] = entry;
         }
     }
 
-    /// Factorizes the matrix; false where it isn't positive definite.
+    /// Prepares to solve with the matrix as it is; false where it isn't seen to be positive definite.
     pub fn factorize(&mut self) -> bool {
-        let scalars = self.len();
-        let pattern =
-            SymbolicSparseColMatRef::new_checked(scalars, scalars, &self.column_starts, None, &self.rows);
-        let matrix = SparseColMatRef::new(pattern, &self.values);
-        let factored = self.symbolic.factorize_numeric_llt(
-            &mut self.factor,
-            matrix,
-            Side::Lower,
-            LltRegularization::default(),
-            Par::Seq, // the same bits on any number of threads
-            MemStack::new(&mut self.scratch),
-            Spec::default(),
-        );
-        factored.is_ok() && self.factor.iter().all(|entry| entry.is_finite())
+        match &mut self.solver {
+            Solver::Factor(factor) => factor.prepare(&self.matrix),
+            Solver::Conjugate(conjugate) => conjugate.prepare(&self.matrix),
+        }
     }
 
-    /// Solves in place for right-hand sides that lie one after the other.
-    pub fn solve(&mut self, sides: &mut [f64]) {
+    /// Solves in place for right-hand sides that lie one after the other; false where the matrix isn't positive definite.
+    /// Where conjugate gradients don't converge, the matrix is factorized from then on.
+    pub fn solve(&mut self, sides: &mut [f64]) -> Result<bool> {
         let rows = self.len();
         if rows == 0 {
-            return;
+            return Ok(true);
         }
-        let columns = sides.len() / rows;
-        LltRef::new(&self.symbolic, &self.factor).solve_in_place_with_conj(
-            Conj::No,
-            MatMut::from_column_major_slice_mut(sides, rows, columns),
-            Par::Seq,
-            MemStack::new(&mut self.scratch),
-        );
+        if let Solver::Conjugate(conjugate) = &mut self.solver {
+            let given = memory::copied(sides)?;
+            if sides.chunks_exact_mut(rows).all(|side| conjugate.solve(&self.matrix, side)) {
+                return Ok(true);
+            }
+            sides.copy_from_slice(&given);
+            let mut factor = Factor::new(&self.matrix, &self.order, self.sides)?;
+            let is_definite = factor.prepare(&self.matrix);
+            self.solver = Solver::Factor(factor);
+            if !is_definite {
+                return Ok(false);
+            }
+        }
+        if let Solver::Factor(factor) = &mut self.solver {
+            factor.solve(rows, sides);
+        }
+        Ok(true)
     }
-}
-
-/// An order of the scalar rows that keeps the factor sparse: that of the nodes by approximate minimum degree.
-fn scalar_order(
-    unknowns: usize,
-    size: usize,
-    block_starts: &[usize],
-    block_rows: &[u32],
-) -> Result<(Vec<u32>, Vec<u32>)> {
-    let starts = memory::collect(block_starts.iter().map(|&start| start as u32))?;
-    let pattern = SymbolicSparseColMatRef::new_checked(unknowns, unknowns, &starts, None, block_rows);
-    let (mut order, mut position) = (memory::filled(0_u32, unknowns)?, memory::filled(0_u32, unknowns)?);
-    let needed = amd::order_scratch::<u32>(unknowns, block_rows.len());
-    let mut scratch = MemBuffer::try_new(needed).map_err(|_| refused::<u8>(needed.size_bytes()))?;
-    amd::order(&mut order, &mut position, pattern, amd::Control::default(), MemStack::new(&mut scratch))
-        .map_err(|_| refused::<u32>(block_rows.len()))?;
-    let scalars = |nodes: &[u32]| {
-        memory::collect(nodes.iter().flat_map(|&node| (0..size).map(move |k| node * size as u32 + k as u32)))
-    };
-    let forward = scalars(&order)?;
-    let mut backward = memory::filled(0_u32, forward.len())?;
-    forward.iter().enumerate().for_each(|(place, &row)| backward[row as usize] = place as u32);
-    Ok((forward, backward))
 }
 
 fn add(sums: &mut [f64], terms: &[f64]) {
     sums.iter_mut().zip(terms).for_each(|(sum, term)| *sum += term);
-}
-
-/// The error of a block of `len` items that the system refused to a library.
-fn refused<T>(len: usize) -> Error {
-    Error::OutOfMemory { bytes: len.saturating_mul(size_of::<T>()) }
 }
 
 #[cfg(test)]
@@ -247,9 +261,50 @@ mod tests {
             let rows = unknowns * size;
             let mut sides: Vec<f64> = (0..2 * rows).map(|k| (0.3 * k as f64).cos()).collect();
             let expected = DVector::from_column_slice(&sides[rows..]);
-            system.solve(&mut sides);
+            assert!(system.solve(&mut sides)?);
             assert!((dense * DVector::from_column_slice(&sides[rows..]) - expected).amax() < 1e-10);
         }
+        Ok(())
+    }
+
+    /// Nodes tied to others all over the graph, with a diagonal of some weight.
+    fn tied(weight: f64) -> Result<System> {
+        let pairs =
+            || (0..600_usize).flat_map(|node| (1..8).map(move |k| (node, (node * (k + 6) + 31 * k) % 600)));
+        let pairs = || pairs().filter(|(a, b)| a != b);
+        let mut system = System::new(600, 3, pairs(), 2)?;
+        for (a, b) in pairs() {
+            let block: Vec<f64> = (0..9).map(|k| ((a * b + k) as f64).sin()).collect();
+            if let Some(place) = system.place(a.max(b), a.min(b)) {
+                system.add_below(place, &block);
+            }
+        }
+        let heavy = DMatrix::<f64>::identity(3, 3) * weight + DMatrix::from_element(3, 3, 0.5);
+        (0..600).for_each(|node| system.add_diagonal(node, heavy.as_slice()));
+        assert!(matches!(system.solver, Solver::Conjugate(_)));
+        Ok(system)
+    }
+
+    #[test]
+    fn conjugate_gradients_solve_as_the_factor_does() -> Result<()> {
+        let mut system = tied(60.0)?;
+        let given: Vec<f64> = (0..2 * system.len()).map(|k| (0.7 * k as f64).sin()).collect();
+        let (mut iterated, mut factored) = (given.clone(), given);
+        assert!(system.factorize() && system.solve(&mut iterated)?);
+        system.solver = Solver::Factor(Factor::new(&system.matrix, &system.order, 2)?);
+        assert!(system.factorize() && system.solve(&mut factored)?);
+        assert!(iterated.iter().zip(&factored).all(|(a, b)| (a - b).abs() < 1e-9));
+        Ok(())
+    }
+
+    #[test]
+    fn a_matrix_that_is_not_definite_is_factorized_and_refused() -> Result<()> {
+        let mut system = tied(0.5)?;
+        let mut sides = vec![1.0; system.len()];
+        assert!(system.factorize());
+        assert!(!system.solve(&mut sides)?);
+        assert!(matches!(system.solver, Solver::Factor(_)));
+        assert!(!system.factorize());
         Ok(())
     }
 

@@ -1,0 +1,93 @@
+//! Conjugate gradients with the inverses of the diagonal blocks, for matrices whose factor would be nearly full: those of nodes
+//! that many edges tie to nodes all over the graph, which are well conditioned.
+
+use nalgebra::{Cholesky, DMatrix};
+
+use super::system::Matrix;
+use crate::error::Result;
+use crate::memory;
+
+/// Reduction of the residual, in the norm of the inverted blocks.
+const REDUCTION: f64 = 1e-10;
+/// Multiplications with the matrix at most.
+const MOST_STEPS: usize = 500;
+
+/// Inverted diagonal blocks, and the vectors of the iteration.
+pub struct Conjugate {
+    inverses: Vec<f64>,
+    residual: Vec<f64>,
+    scaled: Vec<f64>,
+    direction: Vec<f64>,
+    image: Vec<f64>,
+}
+
+impl Conjugate {
+    /// Room for a matrix of `rows` rows in blocks of `size`.
+    pub fn new(rows: usize, size: usize) -> Result<Self> {
+        let vector = || memory::filled(0.0, rows);
+        Ok(Self {
+            inverses: memory::filled(0.0, rows * size)?,
+            residual: vector()?,
+            scaled: vector()?,
+            direction: vector()?,
+            image: vector()?,
+        })
+    }
+
+    /// Inverts the diagonal blocks; false where one isn't positive definite.
+    pub fn prepare(&mut self, matrix: &Matrix) -> bool {
+        let size = matrix.block_size();
+        for (node, slot) in self.inverses.chunks_exact_mut(size * size).enumerate() {
+            let lower =
+                |row: usize, column: usize| matrix.diagonal_entry(node, row.max(column), row.min(column));
+            let Some(factor) = Cholesky::new(DMatrix::from_fn(size, size, lower)) else { return false };
+            slot.copy_from_slice(factor.inverse().as_slice());
+        }
+        true
+    }
+
+    /// Solves in place for one right-hand side; false where the iteration doesn't converge.
+    pub fn solve(&mut self, matrix: &Matrix, side: &mut [f64]) -> bool {
+        self.residual.copy_from_slice(side);
+        side.fill(0.0);
+        self.precondition(matrix.block_size());
+        self.direction.copy_from_slice(&self.scaled);
+        let mut square = dot(&self.residual, &self.scaled);
+        let enough = REDUCTION * REDUCTION * square;
+        for _ in 0..MOST_STEPS {
+            if square <= enough {
+                return square.is_finite();
+            }
+            matrix.multiply(&self.direction, &mut self.image);
+            let curvature = dot(&self.direction, &self.image);
+            if curvature.is_nan() || curvature <= 0.0 {
+                return false;
+            }
+            add_multiple(side, square / curvature, &self.direction);
+            add_multiple(&mut self.residual, -square / curvature, &self.image);
+            self.precondition(matrix.block_size());
+            let before = std::mem::replace(&mut square, dot(&self.residual, &self.scaled));
+            let ratio = square / before;
+            self.direction.iter_mut().zip(&self.scaled).for_each(|(slot, term)| *slot = term + ratio * *slot);
+        }
+        false
+    }
+
+    /// Multiplies the residual with the inverted blocks.
+    fn precondition(&mut self, size: usize) {
+        let blocks = self.inverses.chunks_exact(size * size).zip(self.residual.chunks_exact(size));
+        for ((inverse, residual), scaled) in blocks.zip(self.scaled.chunks_exact_mut(size)) {
+            for (column, slot) in inverse.chunks_exact(size).zip(scaled) {
+                *slot = dot(column, residual); // the inverse is symmetric
+            }
+        }
+    }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+fn add_multiple(sums: &mut [f64], factor: f64, terms: &[f64]) {
+    sums.iter_mut().zip(terms).for_each(|(sum, term)| *sum += factor * term);
+}
