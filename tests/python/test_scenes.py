@@ -141,12 +141,25 @@ def test_scans_that_show_the_same_confirm_nothing():
 
 def test_doubtful_poses_join_no_two_parts():
     pairs = np.array([(1, 0), (2, 1), (4, 3), (5, 4), (3, 0), (4, 1)])
-    sure = np.array([0.99, 0.99, 0.99, 0.99, 0.85, 0.85])
-    firm = sure > 0.9
+    sure, firm = np.array([0.99, 0.99, 0.99, 0.99, 0.6, 0.6]), np.zeros(6, dtype=bool)
+    assert hang_firmly(pairs, sure, firm, 6).tolist() == [True, True, True, True, False, False]
+    sure[4:] = 0.85  # together as good as one that is sure
+    assert hang_firmly(pairs, sure, firm, 6).all()
+    pairs[5] = (4, 0)  # of the same scan
     assert hang_firmly(pairs, sure, firm, 6).tolist() == [True, True, True, True, False, False]
     firm[4] = True  # by a union
     assert hang_firmly(pairs, sure, firm, 6).all()
-    assert hang_firmly(pairs[:1], np.array([0.6]), np.array([False]), 2).all()
+    assert hang_firmly(pairs[:1], np.array([0.6]), firm[:1], 2).all()
+
+
+def test_a_single_scan_hangs_on_a_part_by_two_doubtful_poses():
+    pairs = np.array([(1, 0), (2, 1), (3, 0), (4, 1), (4, 2)])
+    sure = np.array([0.99, 0.99, 0.6, 0.6, 0.6])
+    assert hang_firmly(pairs, sure, sure > 0.9, 5).tolist() == [True, True, False, True, True]
+    pairs = np.append(pairs, [(6, 5), (4, 5), (4, 6)], axis=0)  # as well on another part
+    sure = np.append(sure, [0.99, 0.6, 0.6])
+    expected = [True, True, False, False, False, True, False, False]
+    assert hang_firmly(pairs, sure, sure > 0.9, 7).tolist() == expected
 
 
 def test_a_scan_that_others_contradict_is_linked_with_none():

@@ -148,19 +148,45 @@ def drop_contradicted(
 
 
 def hang_firmly(pairs: IndexArray, prior: FloatArray, firm: BoolArray, count: int) -> BoolArray:
-    """Tell the links within the parts that hang together by firm links.
+    """Tell the links that don't join, by doubtful poses alone, what hangs together without them.
 
     Poses that are wrong for the same reason, as those of a shape on its mirror image, agree with each other
-    however many they are. So doubtful ones join no parts. Two single scans hang together by any.
+    however many they are. So the links between two parts are to be as sure together as one that is sure by
+    itself, of each scan the surest only. A single scan hangs on another one by any, and by two on a part, if
+    there is only one such part.
     """
-    _, labels = follow_best(pairs[firm], np.tile(np.eye(4), (int(firm.sum()), 1, 1)), prior[firm], count)
+    labels, nats = np.arange(count), np.where(firm, np.inf, _nats(prior))
+    while True:
+        sums = _sum_independent(np.sort(labels[pairs], axis=1), pairs, nats)
+        parts = max(sums, key=lambda both: sums[both], default=None)
+        if parts is None or sums[parts] < _nats(np.array(FIRM)):
+            break
+        labels[labels == parts[1]] = parts[0]
     single = np.bincount(labels, minlength=count)[labels] == 1
     for row in np.argsort(-prior, kind="stable").tolist():
         one, other = pairs[row]
         if single[one] and single[other]:
             labels[max(one, other)] = min(one, other)
             single[[one, other]] = False
+    for scan in np.flatnonzero(single).tolist():
+        beside = pairs[(pairs == scan).any(axis=1)].sum(axis=1) - scan
+        parts, links = np.unique(labels[beside], return_counts=True)
+        if (links > 1).sum() == 1:
+            labels[scan] = parts[links > 1][0]
     return labels[pairs[:, 0]] == labels[pairs[:, 1]]
+
+
+def _sum_independent(sides: IndexArray, pairs: IndexArray, nats: FloatArray) -> dict[tuple[int, int], float]:
+    """Sum up the nats of links between each two parts, the surest first, of links that share no scan."""
+    sums: dict[tuple[int, int], float] = {}
+    used: set[tuple[int, int, int]] = set()
+    for row in np.argsort(-nats, kind="stable").tolist():
+        least, most = sides[row].tolist()
+        ends = {(least, most, scan) for scan in pairs[row].tolist()}
+        if least != most and not ends & used:
+            used |= ends
+            sums[least, most] = sums.get((least, most), 0.0) + float(nats[row])
+    return sums
 
 
 def _nats(chances: FloatArray) -> FloatArray:
