@@ -83,7 +83,10 @@ def unknown_option(called: str, name: str, known: Collection[str], own: Collecti
 
     The function that was called may pass options on: `own` are those that it takes itself.
     """
-    meant = _guess_option(name, own) or _guess_option(name, known)
+    meant = _guess_option(name, own)
+    if meant:
+        return InputError("option", remedy=f"there is no {name!r} (did you mean {meant!r}?)")
+    meant = _guess_option(name, known)
     guess = f" (did you mean {meant!r}?)" if meant else ""
     return InputError("option", remedy=f"{called} has no {name!r}{guess}; it takes {', '.join(known)}")
 

@@ -128,8 +128,11 @@ def guess_word(value: object, choices: Collection[str], likeness: float = 0.6) -
     """Return the choice that a wrong word resembles, or None."""
     import difflib  # noqa: PLC0415 - errors only
 
-    word = value[:_LONGEST_WORD] if isinstance(value, str) else ""
-    return next(iter(difflib.get_close_matches(word, choices, n=1, cutoff=likeness)), None)
+    word = value[:_LONGEST_WORD].casefold() if isinstance(value, str) else ""
+    folded = {choice.casefold(): choice for choice in choices}
+    return next(
+        (folded[near] for near in difflib.get_close_matches(word, folded, n=1, cutoff=likeness)), None
+    )
 
 
 def as_word(name: str, value: object) -> str:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from cgroup._checks.values import as_choice, as_flag, as_instance, as_length
+from cgroup._checks.values import as_choice, as_flag, as_instance, as_length, guess_word, refuse_word
 from cgroup.errors import InputError
 from cgroup.evaluation.recalls import redwood_errors, registration_recall
 from cgroup.evaluation.result_files import PairErrors, PairPoses, show_pair
@@ -143,12 +143,14 @@ def protocol_names() -> list[str]:
 
 def read_protocol(name: str) -> RecallProtocol:
     """Read a protocol by its name, or from a TOML file laid out like those in ``evaluation/presets``."""
-    if name in protocol_names():
-        text = (_PRESETS / f"{name}.toml").read_text(encoding="utf-8")
+    if name.lower() in protocol_names():
+        text = (_PRESETS / f"{name.lower()}.toml").read_text(encoding="utf-8")
     elif name.endswith(".toml"):
         text = load_text(name)
     else:
-        raise InputError("protocol", name, f"give {', '.join(protocol_names())}, or a .toml file")
+        refuse_word(
+            "protocol", name, protocol_names(), guess_word(name, protocol_names()), ", or a .toml file"
+        )
     try:
         table = tomllib.loads(text)
         recalls = [Recall(**one) for one in table.pop("recall", ())]

@@ -11,7 +11,7 @@ from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.values import as_length
 from cgroup.errors import InputError
 from cgroup.features.surface import mesh_normals
-from cgroup.types import PointCloud, find_cloud
+from cgroup.types import PointCloud, as_cloud
 
 if TYPE_CHECKING:
     from cgroup.types import AnyCloud, FloatArray, IndexArray
@@ -21,7 +21,7 @@ _USUAL_POINTS, _MOST_POINTS = 40_000, 20_000_000
 
 @explain_wrong_calls
 def sample_mesh(mesh: AnyCloud, *, spacing: float | None = None) -> PointCloud:
-    """Return the vertices of a mesh, and points between them on the faces that are larger than a spacing.
+    """Return the vertices of a mesh, and points on its large faces.
 
     A face gets rows of points parallel to its longest edge. They depend on that face and on the spacing, and
     neither on random numbers nor on the order of faces or vertices (but for a face with two longest edges).
@@ -57,9 +57,9 @@ def sample_mesh(mesh: AnyCloud, *, spacing: float | None = None) -> PointCloud:
     >>> len(sampled) > 200, bool((abs(sampled.normals[0]) > 0.5).all())
     (True, True)
     """
-    cloud = find_cloud("mesh", mesh)
+    cloud = as_cloud("mesh", mesh)
     size = None if spacing is None else as_length("spacing", spacing)
-    if cloud is None or cloud.faces is None:
+    if cloud.faces is None:
         raise InputError("mesh", "no faces", "give a mesh of triangles")
     points, faces = as_points("mesh", cloud.points), as_faces("mesh.faces", cloud.faces)
     normals = mesh_normals(points, faces)
@@ -97,9 +97,10 @@ def _sample_triangles(
     each = np.arange(len(corners))
     first, second, apex = (corners[each, (start + step) % 3] for step in range(3))
     length = edges[each, start]
-    counts = np.ceil(doubled / length / spacing)
-    total = float((doubled / 2 / spacing**2 + counts + length / spacing).sum())
-    if total > _MOST_POINTS:
+    with np.errstate(over="ignore"):  # to infinity, which is too many
+        counts = np.ceil(doubled / length / spacing)
+        total = float((doubled / 2 / spacing / spacing + counts + length / spacing).sum())
+    if not total <= _MOST_POINTS:
         raise InputError(
             "spacing",
             f"{spacing:.3g}, which makes about {total:.3g} points",

@@ -30,6 +30,20 @@ SCAN_COLORS = (230, 159, 0), (0, 114, 178)
 """Red, green and blue of source and target, where they have no colours of their own."""
 
 
+_ELSEWHERE = {
+    **dict.fromkeys(
+        ("transformation", "transform", "pose", "T", "matrix", "estimated_transform"),
+        "T_target_source",
+    ),
+    **dict.fromkeys(("converged", "valid", "success", "is_converged", "has_converged"), "ok"),
+    "correspondence_set": "correspondences",
+    "matches": "correspondences",
+    "score": "probability",
+    "confidence": "probability",
+}
+"""Attributes of results elsewhere (Open3D, small_gicp, KISS-Matcher, PCL), and ours."""
+
+
 @dataclass(frozen=True, eq=False)
 class Registration:
     """A source cloud placed on a target cloud, and how far that can be trusted.
@@ -102,6 +116,15 @@ class Registration:
     seconds: dict[str, float]
     scale: float = 1.0
     scale_deviation: float = 0.0
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> object:
+            """Refuse an attribute; of a name that another library has for it, say ours."""
+            ours = _ELSEWHERE.get(name)
+            guess = f"; did you mean {ours!r}?" if ours else ""
+            message = f"a Registration has no {name!r}{guess}"
+            raise AttributeError(message, name=name, obj=self)
 
     @property
     def resolution(self) -> float:
