@@ -7,7 +7,7 @@ from cgroup import NoConsensusError, register
 from cgroup.datasets import standin_pair
 from cgroup.features import sample_mesh
 from cgroup.io import PointCloud
-from cgroup.registration import assess
+from cgroup.registration import assess, describe, detect, surface_normals
 from cgroup.registration.scan import as_scan, find_distinct
 
 PAIR = standin_pair(pixels=70)
@@ -98,3 +98,18 @@ def test_faces_count_in_register_and_assess() -> None:
     done = register(cad, scan)
     np.testing.assert_allclose(done.T_target_source[:3, :3], T[:3, :3], atol=0.01)
     assert assess(cad, scan, T).ok
+
+
+def test_keypoints_and_normals_have_the_rows_of_the_points_as_given() -> None:
+    rng = np.random.default_rng(4)
+    rows = rng.permutation(np.concatenate([np.arange(len(SOURCE)), rng.integers(0, len(SOURCE), 3000)]))
+    often = SOURCE[rows]
+    normals = surface_normals(often)
+    assert normals.shape == often.shape
+    twins = {tuple(point): normal for point, normal in zip(often.tolist(), normals, strict=True)}
+    np.testing.assert_array_equal(normals, [twins[tuple(point)] for point in often.tolist()])
+    found = describe(often, keypoints=50)
+    np.testing.assert_array_equal(often[found.indices], found.points)
+    once = {tuple(point) for point in SOURCE[detect(SOURCE, keypoints=50)].tolist()}
+    again = {tuple(point) for point in often[detect(often, keypoints=50)].tolist()}
+    assert len(once & again) > 0.9 * len(once)

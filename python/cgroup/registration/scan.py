@@ -63,6 +63,7 @@ MOST_STRAYS = 0.05
 _LEAST_ROUNDED = 1e-6  # of the cloud's diagonal
 _FAR, _ROOM, _ALONE = 3.0, 0.5, 4
 _ENOUGH = 20_000  # points that tell the size of a cloud
+_MANY = 200_000  # points of which a part shows whether they repeat
 _DIRECTIONS, _FEW = 1000, 8  # looked at, of which one in so many first
 _NEARBY, _LAYERS_APART = 4, 3.0  # nearest directions of each, voxels
 _LARGE, _LARGE_SHARE, _FEW_VERTICES = 4.0, 0.2, 2000
@@ -162,6 +163,14 @@ class Scan:
     def repeats(self) -> int:
         """Number of points that repeat others; they were set aside."""
         return 0 if self.rows is None else len(self.given) - len(self.rows)
+
+    def rows_given(self, rows: IndexArray) -> IndexArray:
+        """Return the rows among the given points of rows of the cloud, from which no stray was set aside."""
+        return rows if self.rows is None else self.rows[rows]
+
+    def spread(self, values: FloatArray) -> FloatArray:
+        """Return the value of each given point, from those of the distinct ones."""
+        return values if self.rows is None else values[_renumber(self.given, self.rows)]
 
     def sampled(self, voxel: float) -> Scan:
         """Return the scan with the faces of its mesh, if it was made of one, sampled for a voxel."""
@@ -328,7 +337,8 @@ def find_distinct(points: RealArray) -> IndexArray | None:
         keys += np.ascontiguousarray(points[:, axis] + points.dtype.type(0)).view(bits)  # -0 is 0
         keys *= multiplier
         keys ^= keys >> shift
-    ordered = np.sort(keys)
+    # Of many points one in eight: equal ones have equal keys.
+    ordered = np.sort(keys if len(keys) <= _MANY else keys[keys % 8 == 0])
     if (ordered[1:] != ordered[:-1]).all():
         return None
     _, first, inverse = np.unique(keys, return_index=True, return_inverse=True)
