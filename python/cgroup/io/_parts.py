@@ -30,7 +30,7 @@ def replace_whole(path: Path, content: bytes, ready: Callable[[], object]) -> No
     status = path.stat() if path.exists() else None
     if status is not None and not os.access(path, os.W_OK):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
-    part = path.with_name(f"{_BEGIN}{secrets.token_hex(4)}{_END}")
+    part = path.parent / f"{_BEGIN}{secrets.token_hex(4)}{_END}"
     try:
         with part.open("xb") as file:
             with suppress(OSError):  # of a file system without locks

@@ -149,7 +149,7 @@ class PreparedScan:
     >>> from cgroup.registration import prepare
     >>> scan = prepare(standin_pair(pixels=60).source, voxel=6.0)
     >>> scan
-    PreparedScan(points=2554, voxels=306, voxel=6)
+    PreparedScan(points=2554, voxels=330, voxel=6)
     >>> scan.normals.shape == scan.voxels.points.shape
     True
     """

@@ -173,7 +173,7 @@ class PreparedMap:
     >>> from cgroup.datasets import standin_pair
     >>> from cgroup.scenes import prepare_map
     >>> prepare_map(standin_pair().target)
-    PreparedMap(points=18340, voxels=2125, voxel=2.131)
+    PreparedMap(points=18340, voxels=2056, voxel=2.131)
     """
 
     points: RealArray
@@ -233,7 +233,7 @@ class PreparedMap:
         >>> from cgroup.scenes import PreparedMap, prepare_map
         >>> prepare_map(standin_pair().target).save("map")
         >>> PreparedMap.load("map")
-        PreparedMap(points=18340, voxels=2125, voxel=2.131)
+        PreparedMap(points=18340, voxels=2056, voxel=2.131)
         """
         arrays = {"points": self.points}
         for row, level in enumerate(self.levels):
