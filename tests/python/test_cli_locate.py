@@ -43,7 +43,7 @@ def test_a_scan_is_located(folder: Path, capsys: Capture) -> None:
     lines = out.splitlines()
     assert lines[0] == f"scan        scan.ply: {len(PAIR.source)} points"
     assert lines[1] == f"map         map.ply: {len(PAIR.target)} points"
-    assert lines[2].startswith("voxels      900 of 3.23")
+    assert lines[2].startswith("voxels      883 of 3.23")
     assert lines[3] == "places      1"
     assert "% of the scan lies on the map\n" in out
     assert "\npose of the scan in the map's frame\n" in out
