@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as hst
-from method_cases import CASES, OPTION_SETS, Options, Pr, call_cgroup, call_reference, name_of
+from method_cases import CASES, OPTION_SETS, Field, Options, Pr, call_cgroup, call_reference, name_of
 
 from reference.otsu import select_above
 from reference.result import ReferenceGrouping
@@ -326,6 +326,38 @@ def test_lc_joins_those_that_agree_with_the_most_others() -> None:
     np.testing.assert_array_equal(got.mask, expected.mask)
     np.testing.assert_allclose(got.scores, expected.scores, rtol=0, atol=1e-6)
     np.testing.assert_allclose(got.alternative_scores, expected.alternative_scores, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("duplicated", "missing", "options"),
+    [
+        (0.12, 0.0, {"resolution": Pr(0.2), "ratio": Field("ratio")}),
+        (
+            0.14,
+            0.1,
+            {
+                "tolerance": Pr(0.5),
+                "source_lrf": Field("source_lrf"),
+                "target_lrf": Field("target_lrf"),
+            },
+        ),
+    ],
+)
+def test_lc_fits_no_reflection_to_a_pose_without_a_group(
+    duplicated: float, missing: float, options: Options
+) -> None:
+    # A mode's supporters have residuals below 6 u, the group at most 5 u: of some modes none is in the group.
+    problem = make_problem(
+        np.random.default_rng(5483),
+        150,
+        inlier_ratio=0.2,
+        noise=1.5,
+        frame_error=0.0,
+        repeated_targets=0.27,
+        duplicated_sources=duplicated,
+        missing_frames=missing,
+    )
+    compare("lc", problem, options)
 
 
 TWICE: list[tuple[int, int, dict[str, float], Options]] = [
