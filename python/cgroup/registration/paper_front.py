@@ -295,7 +295,7 @@ def detect(
     True
     """
     front, scan = PaperFront(detector, keypoints=keypoints, nms_radius=nms_radius), as_scan("cloud", cloud)
-    return scan.rows_given(_detect(front, scan, scan.unit(resolution, threads), threads))
+    return _detect(front, scan, scan.unit(resolution, threads), threads)
 
 
 @explain_wrong_calls
@@ -344,8 +344,7 @@ def surface_normals(
     True
     """
     as_choice("normals", normals, NORMALS)
-    scan = as_scan("cloud", cloud)
-    return scan.spread(_find_normals(scan, normals, viewpoint, threads))
+    return _find_normals(as_scan("cloud", cloud), normals, viewpoint, threads)
 
 
 @explain_wrong_calls
@@ -455,7 +454,7 @@ def _describe(
     if front.frames == "toldi":
         begin("frames")
         frames = features.toldi_lrf(cloud, kept, radius=radius, threads=threads)
-    return DescribedCloud(scan.rows_given(kept), points[kept], frames, values[valid], pr, points.mean(axis=0))
+    return DescribedCloud(kept, points[kept], frames, values[valid], pr, points.mean(axis=0))
 
 
 def _times(pr: float, *radii: float | None) -> list[float | None]:

@@ -164,19 +164,11 @@ class Scan:
         """Number of points that repeat others; they were set aside."""
         return 0 if self.rows is None else len(self.given) - len(self.rows)
 
-    def rows_given(self, rows: IndexArray) -> IndexArray:
-        """Return the rows among the given points of rows of the cloud, from which no stray was set aside."""
-        return rows if self.rows is None else self.rows[rows]
-
-    def spread(self, values: FloatArray) -> FloatArray:
-        """Return the value of each given point, from those of the distinct ones."""
-        return values if self.rows is None else values[_renumber(self.given, self.rows)]
-
     def sampled(self, voxel: float) -> Scan:
         """Return the scan with the faces of its mesh, if it was made of one, sampled for a voxel."""
         if self.mesh is None:
             return self
-        finer = as_scan(self.name, sample_mesh(self.mesh, spacing=_MESH_SPACING * voxel))
+        finer = as_scan(self.name, sample_mesh(self.mesh, spacing=_MESH_SPACING * voxel), distinct=True)
         if len(finer.cloud) <= len(self.cloud):
             return self
         return replace(self, cloud=finer.cloud, normals=finer.normals)
@@ -261,8 +253,8 @@ def as_point_cloud(name: str, cloud: Cloud | AnyCloud) -> Cloud | AnyCloud:
     return cloud if found is None else found
 
 
-def as_scan(name: str, cloud: Scan | Cloud | AnyCloud) -> Scan:
-    """Check a cloud and index it, unless that is done."""
+def as_scan(name: str, cloud: Scan | Cloud | AnyCloud, *, distinct: bool = False) -> Scan:
+    """Check a cloud and index it, unless that is done; of `distinct` points each is taken once."""
     if isinstance(cloud, Scan):
         return replace(cloud, name=name)
     normals, faces = None, None
@@ -272,7 +264,7 @@ def as_scan(name: str, cloud: Scan | Cloud | AnyCloud) -> Scan:
         normals, faces = _surface_of(name, cloud, len(points))
     else:
         points = cloud.points if isinstance(cloud, Cloud) else real_points(name, cloud)
-    rows, first = points, find_distinct(points)
+    rows, first = points, find_distinct(points) if distinct else None
     if first is not None:
         rows, normals = points[first], None if normals is None else normals[first]
         faces = None if faces is None else _renumber(points, first)[faces]
@@ -298,7 +290,7 @@ def as_surface(name: str, cloud: Scan | Cloud | AnyCloud) -> Scan:
         return as_scan(name, cloud)
     cloud = as_point_cloud(name, cloud)
     if not isinstance(cloud, PointCloud) or cloud.faces is None or not _needs_samples(name, cloud):
-        return as_scan(name, cloud)
+        return as_scan(name, cloud, distinct=True)
     return _sampled(name, cloud)
 
 
@@ -306,7 +298,7 @@ def _sampled(name: str, mesh: PointCloud) -> Scan:
     """Return points on the faces of a mesh as a scan."""
     points = real_points(name, mesh.points)
     _surface_of(name, mesh, len(points))
-    scan = as_scan(name, replace(sample_mesh(mesh), viewpoint=mesh.viewpoint))
+    scan = as_scan(name, replace(sample_mesh(mesh), viewpoint=mesh.viewpoint), distinct=True)
     return replace(scan, given=points, rows=None, mesh=mesh)
 
 
@@ -431,4 +423,4 @@ def as_model(name: str, cloud: Cloud | AnyCloud, normals: Normals) -> Scan:
             f"no {NEEDED_FOR[normals]}, which tell the outside of a model",
             "give a `PointCloud` with them, or another library's cloud or mesh",
         )
-    return as_scan(name, cloud) if normals == "given" else _sampled(name, cloud)
+    return as_scan(name, cloud, distinct=True) if normals == "given" else _sampled(name, cloud)
