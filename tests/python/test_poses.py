@@ -132,7 +132,7 @@ COLUMNS_FIRST = POSE.T.ravel().tolist()
         ("[[]]", "no numbers|got"),
         ("[[1, 0], [0, true]]", "got 2 rows of 2 numbers"),
         ("[true]", "something else than numbers"),
-        ("[" + "9" * 500 + "]", "something else than numbers"),
+        ("[" + "9" * 500 + "]", "a number of 500 digits"),
         ('["1", null]', "its lists hold something else than numbers"),
     ],
 )  # fmt: skip

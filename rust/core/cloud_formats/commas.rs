@@ -130,7 +130,7 @@ fn is_decimal(part: &[u8]) -> bool {
 /// Whether digits are grouped before a decimal mark.
 fn is_grouped_before(part: &[u8], group: u8, mark: u8) -> bool {
     let (whole, fraction) = split(part, mark);
-    whole.contains(&group) && is_grouped(whole, group) && fraction.iter().all(u8::is_ascii_digit)
+    whole.contains(&group) && is_grouped(whole, group) && is_digits(fraction)
 }
 
 /// Whether a mark divides digits into groups of three.
@@ -173,6 +173,7 @@ mod tests {
             ("1,2,3", false),
             ("1.5,2.5,-3.5e2", false),
             ("1, 2, 3", false),
+            ("0.123, 0.456, 0.789", false),
             ("1 ,2.5 ,3", false),
             ("1,2,3 4,5,6", false),
             ("1,2,3;4,5,6", false),
