@@ -60,7 +60,7 @@ LEAST_PLANES, LEAST_PLANAR_VOXELS = 0.1, 10
 FEW_VOXELS = 20
 """Voxels below which a cloud is no surface."""
 
-_SPARSE, _USUAL_PLANES, _COARSER, _LEAST_ACROSS = 4 * VOXELS, 0.9, 2**0.25, 5.0
+_SPARSE, _USUAL_PLANES, _COARSER, _LEAST_ACROSS = 2000, 0.9, 2**0.25, 5.0
 """Points below which a voxel chosen by number may be too small. It grows in such steps until a share of the
 voxels has a normal; a diagonal has more voxels than the last."""
 
