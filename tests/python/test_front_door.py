@@ -107,7 +107,8 @@ def test_a_cloud_in_place_of_normals_is_refused(
     ],
 )
 def test_unknown_options_say_which_was_meant(option: str, meant: str) -> None:
-    with pytest.raises(InputError, match=f"lc has no '{option}' \\(did you mean '{meant}'\\?\\); it takes"):
+    called = "there is" if meant in {"voxel", "threads", "viewpoint"} else "lc has"
+    with pytest.raises(InputError, match=f"{called} no '{option}' \\(did you mean '{meant}'\\?\\)"):
         cgroup.register(PAIR.source, PAIR.target, **{option: 1})
 
 
