@@ -14,7 +14,7 @@ import numpy as np
 from cgroup._runtime.cached import cached_property
 from cgroup.registration.matching import turn_matches
 from cgroup.registration.motions import adjoint, say_motion
-from cgroup.registration.prepare import UNIT
+from cgroup.registration.prepare import LEAST_VOXELS, UNIT
 from cgroup.rigid import apply, invert
 from cgroup.types import Agreement, Grouping, Rule
 from cgroup.verification.schedule import DIFFERENT_DEGREES, DIFFERENT_UNITS
@@ -53,9 +53,6 @@ PLANES_BY_CHANCE, MOST_FURTHER_PLANES = 4, 3
 
 LEAD_BY_CHANCE = 1.0
 """Nats by which the best of equal poses leads."""
-
-FEW_VOXELS = 100
-"""Voxels of a cloud below which the probability falls with them."""
 
 MOST_REPEATS = 0.01
 """Share of a cloud's points beyond which points that repeat others are noted."""
@@ -314,7 +311,7 @@ def are_alternatives(probability: float, shares: FloatArray) -> BoolArray:
 
 def bound_by_size(probability: float, *scans: PreparedScan) -> float:
     """Lower the probability where a cloud has so few voxels that unrelated ones fit by chance."""
-    return probability * min(1.0, min(len(scan) for scan in scans) / FEW_VOXELS)
+    return probability * min(1.0, min(len(scan) for scan in scans) / LEAST_VOXELS)
 
 
 def bound_by_motions(probability: float, motions: int) -> float:

@@ -107,12 +107,12 @@ class Search:
     def run(self, source: PreparedScan, target: PreparedScan) -> Found | None:
         """Search for the pose, in the same way whichever of the two is the source."""
         if self.nearby is not None:
-            return self.finish(self._search_nearby(source, target, self.nearby))
+            return self.finish(compare_scales(self._search_nearby(source, target, self.nearby)))
         if self.matches is not None:
-            return self.finish(self._search_matches(source, target, self.matches))
+            return self.finish(compare_scales(self._search_matches(source, target, self.matches)))
         if _order(source) <= _order(target):
-            return self.finish(self._search(source, target))
-        found = self._turned()._search(target, source)  # noqa: SLF001 - its own
+            return self.finish(compare_scales(self._search(source, target)))
+        found = compare_scales(self._turned()._search(target, source))  # noqa: SLF001 - its own
         return self.finish(None if found is None else found.turned())
 
     def _turned(self) -> Search:
@@ -303,7 +303,7 @@ class Search:
                 (found.target, found.source, invert(pose)),
             )
         ]
-        return compare_scales(replace(found, refined=refined, fitness=shares[0], target_fitness=shares[1]))
+        return replace(found, refined=refined, fitness=shares[0], target_fitness=shares[1])
 
 
 def _order(scan: PreparedScan) -> tuple[float, ...]:

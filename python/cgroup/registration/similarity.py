@@ -51,13 +51,13 @@ class Similarity(NamedTuple):
     deviation: float
 
 
-def compare_scales(found: Found) -> Found:
+def compare_scales(found: Found | None) -> Found | None:
     """Return a pose with the scale that fits clearly better, if one does, and a lower probability then.
 
     Of an accepted pose half of the probability is left where the scale is `CLEARLY` deviations from 1. Those
     are of the fit, and of `DRIFT`: fragments of one room fit best at scales a little off 1.
     """
-    if not is_accepted(found.probability):
+    if found is None or not is_accepted(found.probability):
         return found
     fitted = fit_similarity(found.source, found.target, found.refined.T_target_source, every=SOME)
     if fitted is None or fitted.resistance <= OPEN:
@@ -75,7 +75,7 @@ def fit_similarity(
     Point-to-plane steps in both directions, weighted as for `align`; the seventh unknown is the logarithm of
     the scale, about the middle of the pairs. Its deviation takes the means of the residuals in cells of
     `BEND` voxels for errors that all pull the scale one way, as those of bent surfaces may. Of either scan
-    one voxel of so many is laid on the other.
+    one voxel of every so many is paired.
     """
     voxel, transform, options = source.voxel, pose, run_options(source.threads)
     fixed, step = target.voxels.points, 0

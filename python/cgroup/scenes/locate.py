@@ -36,6 +36,7 @@ from cgroup.registration.prepare import DenseFront, Preparation, PreparedScan, a
 from cgroup.registration.result import registration_of
 from cgroup.registration.scan import as_viewpoint
 from cgroup.registration.search import EFFORTS, RIVALS, Search
+from cgroup.registration.similarity import compare_scales
 from cgroup.rigid import apply
 from cgroup.scenes.maps import CELL, Level, PreparedMap
 from cgroup.scenes.plan_view import Disk, find_layers
@@ -322,7 +323,7 @@ class _Locating:
 
 
 def _registration_of(found: Found, search: Search) -> Registration:
-    finished = search.finish(found)
+    finished = search.finish(compare_scales(found))
     assert finished is not None  # noqa: S101 - nor was what it is made of
     judgement = judge(finished, finished.source, finished.target, search.axis)
     return registration_of(finished, judgement, search.clock.stop())
