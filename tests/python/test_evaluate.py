@@ -544,7 +544,7 @@ def test_wrong_folders_and_options_are_one_sentence(folder, capsys):
     )
     assert "no such file" in fail(capsys, *asked(folder, "nowhere.csv"))
     ours = folder / "ours.csv"
-    assert "give 3dlomatch, 3dmatch, eth" in fail(capsys, "evaluate", ours, "--protocol", "4dmatch")
+    assert "choose one of 3dlomatch, 3dmatch, eth" in fail(capsys, "evaluate", ours, "--protocol", "4dmatch")
     assert "--truth: is needed" in fail(capsys, "evaluate", ours, "--protocol", "3dmatch")
     assert "not a truth" in fail(capsys, "evaluate", ours, "--protocol", "3dmatch", "--truth", ours)
     for name in ("a", "b"):
