@@ -271,9 +271,9 @@ def as_scan(name: str, cloud: Scan | Cloud | AnyCloud, *, distinct: bool = False
     if len(rows) == 1 < len(points):
         raise InputError(name, remedy="all its points coincide; give a cloud of a surface")
     if len(rows) <= NORMAL_NEIGHBORS:
-        distinct = "" if first is None else " distinct"
+        counted = "points" if first is None else "distinct points"
         remedy = f"descriptors need more than {NORMAL_NEIGHBORS}"
-        raise InputError(name, f"{len(rows)}{distinct} points", remedy)
+        raise InputError(name, f"{len(rows)} {counted}", remedy)
     ready = cloud if isinstance(cloud, Cloud) and first is None else Cloud(rows, name=name)
     scan = Scan(ready, normals, faces, name, points, rows=first, rounding=_find_rounding(ready))
     if not isinstance(cloud, PointCloud) or cloud.viewpoint is None:
