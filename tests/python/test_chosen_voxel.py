@@ -8,6 +8,7 @@ from cgroup.datasets import standin_pair
 from cgroup.features import sample_mesh
 from cgroup.io import PointCloud
 from cgroup.registration import assess, describe, surface_normals
+from cgroup.registration.parts import find_parts
 from cgroup.registration.scan import as_surface, find_distinct
 
 PAIR = standin_pair(pixels=70)
@@ -110,3 +111,36 @@ def test_keypoints_and_normals_have_the_rows_of_the_points_as_given() -> None:
     np.testing.assert_array_equal(normals, [twins[tuple(point)] for point in often.tolist()])
     found = describe(often, keypoints=50)
     np.testing.assert_array_equal(often[found.indices], found.points)
+
+
+def _scatter(rng: np.random.Generator, size: float) -> np.ndarray:
+    """Flat discs of radius 2, all alike, anywhere in a frame, (40,100,3)."""
+    angles, radii = rng.uniform(0, 2 * np.pi, (40, 100)), 2 * np.sqrt(rng.uniform(size=(40, 100)))
+    axes = np.linalg.qr(rng.normal(size=(40, 3, 3)))[0]
+    discs = radii[..., None] * (
+        np.cos(angles)[..., None] * axes[:, :1] + np.sin(angles)[..., None] * axes[:, 1:2]
+    )
+    return discs + rng.uniform(0, 1, (40, 1, 3)) * np.array((200, 200, 80)) * size
+
+
+@pytest.mark.parametrize(("size", "seed"), [(2, 0), (3, 1), (6, 2), (10, 3)])
+def test_small_parts_in_a_wide_frame_are_registered_by_their_places(size: float, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    discs = _scatter(rng, size)
+    source, target = discs[:32, ::2].reshape(-1, 3), discs[8:, 1::2].reshape(-1, 3)
+    done = register(source, target @ T[:3, :3].T + T[:3, 3])
+    np.testing.assert_allclose(done.T_target_source[:3, :3], T[:3, :3], atol=0.01)
+    with pytest.raises(NoConsensusError):
+        register(source, _scatter(rng, size)[:32, 1::2].reshape(-1, 3))
+
+
+def test_parts_are_linked_by_neighbors() -> None:
+    rng = np.random.default_rng(0)
+    places = np.array([(x, y, 0) for x in range(0, 60, 10) for y in (0, 10)], dtype=float)
+    points = (places[:, None] + rng.uniform(0, 3, (len(places), 30, 3))).reshape(-1, 3)
+    labels, sizes = find_parts(points, 1.0)
+    assert sizes.tolist() == [30] * len(places)
+    assert all(len(set(rows)) == 1 for rows in labels.reshape(len(places), 30).tolist())
+    bridge = np.column_stack([np.arange(0, 13, 0.5), np.ones((26, 2))])
+    assert find_parts(np.concatenate([points, bridge]), 1.0)[1].tolist() == [86, *[30] * 10]
+    assert len(find_parts(SOURCE, 1.0)[1]) == 0

@@ -67,7 +67,7 @@ voxels has a normal; a diagonal has more voxels than the last."""
 _FEW_POINTS, _FINER_OF_FEW = 300, 0.5
 """Points of a cloud below which voxels begin finer, and by how much: else too few are left."""
 
-_MOST_BLOCKS, _BLOCK = 2**23, 8 * UNIT
+_MOST_BLOCKS, _BLOCK = 2**29, 8 * UNIT
 """Blocks of a surface's box (half of those allowed), and the edge of one, in voxels."""
 
 _LEAST_OF_EACH, _SIZES_DIFFER = 1000, 2.0

@@ -30,6 +30,7 @@ from cgroup.registration.judge import (
 from cgroup.registration.matching import frame_poses, match_both_ways, propose_poses, take_matches
 from cgroup.registration.own import describe_voxels, match_nothing
 from cgroup.registration.paper_front import correspond_by
+from cgroup.registration.parts import propose_by_parts
 from cgroup.registration.prepare import fine_surfaces
 from cgroup.registration.rivals import propose_rivals
 from cgroup.registration.similarity import compare_scales
@@ -65,8 +66,10 @@ FIRST_SAMPLES = 500
 MAX_TILT = 10.0
 """Degrees by which a pose may tilt an axis that both clouds share."""
 
-_FINER = 2**-0.5
-_FINER_NEIGHBORS = 3
+_FEW_POINTS = 300
+_FINER, _FINER_OF_FEW = ((2**-0.5, 3),), ((0.8, 1), (0.63, 1))
+"""Finer voxels, in those before, and the neighbours that each is matched with: where more effort is asked
+for, and for clouds of few points, which leave it to chance at which voxel the pose is found."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,17 +127,21 @@ class Search:
         return replace(self, proposed=proposed, descriptors=descriptors, allows=turned)
 
     def _search(self, source: PreparedScan, target: PreparedScan) -> Found | None:
-        """Search with mutual matches, then with all, then on finer voxels, until the pose is sure."""
+        """Search with mutual matches, then with all, then on finer voxels, until the pose is accepted."""
         if self.front is not None:
             places = source.viewpoint or ORIGIN, target.viewpoint or ORIGIN
             clouds = source.scan, target.scan
             matches = correspond_by(self.front, *clouds, places, self.threads, self.clock.start)
             return self._search_matches(source, target, matches)
         best = self._search_voxels(source, target, 1)
-        if self.effort == "high" and (best is None or not is_accepted(best.probability)):
+        is_small = min(len(scan.scan.cloud) for scan in (source, target)) < _FEW_POINTS
+        levels = _FINER_OF_FEW if is_small and self.effort != "low" else ()
+        for factor, k in (*levels, *(_FINER if self.effort == "high" else ())):
+            if best is not None and is_accepted(best.probability):
+                break
             with suppress(InputError):  # where the points lie too far apart for finer voxels
-                finer = source.resized(_FINER, self.clock.start), target.resized(_FINER, self.clock.start)
-                best = _better(best, self._search_voxels(*finer, _FINER_NEIGHBORS))
+                finer = source.resized(factor, self.clock.start), target.resized(factor, self.clock.start)
+                best = _better(best, self._search_voxels(*finer, k))
         return best
 
     def _search_matches(
@@ -179,7 +186,7 @@ class Search:
         best = self._rank(source, target, matches, mutual, verified)
         if self.effort == "low" or (best is not None and is_sure(best.probability)):
             return best
-        poses = self._propose(matches)
+        poses = np.concatenate([self._propose(matches), propose_by_parts(source, target, self.threads)])
         if verified is not None:
             poses = np.concatenate([verified.poses, poses])
         # Not the more probable of the two: the second has seen the rivals of the first.

@@ -28,8 +28,12 @@ const PART: usize = 4;
 /// for rounding.
 const PART_RADIUS: f32 = 3.0;
 
-/// Entries of the table of blocks: 64 MiB.
-const MOST_BLOCKS_IN_BOX: f64 = (1 << 24) as f64;
+/// Blocks along an axis of the box, whose cells are numbered in `i32`.
+const MOST_BLOCKS_ALONG: f64 = (1 << 24) as f64;
+/// Blocks of the box: 64 MiB of pages.
+const MOST_BLOCKS_IN_BOX: f64 = (1 << 30) as f64;
+/// Entries of a page of the table of blocks.
+const PAGE: usize = 64;
 /// Points between two looks for an interruption.
 const STRETCH: usize = 1 << 16;
 /// Blocks that exist: 512 MiB once all are filled.
@@ -56,7 +60,7 @@ pub(super) struct NearestGrid {
     /// Blocks along each axis.
     size: [usize; 3],
     /// One more than the number of each block of the box, 0 where it does not exist.
-    blocks: Vec<u32>,
+    blocks: Table,
     /// Where the points of each block begin among the members, and at last their number.
     starts: Vec<u32>,
     /// The points, block after block.
@@ -65,6 +69,33 @@ pub(super) struct NearestGrid {
     nearest: Vec<OnceLock<Box<[u32; CELLS]>>>,
     /// Blocks that could not be filled for want of memory.
     refusals: AtomicUsize,
+}
+
+/// A number for each block of a box, in pages: only those near points exist, all others share the first, of zeros.
+#[derive(Debug)]
+struct Table {
+    pages: Vec<u32>,
+    numbers: Vec<u32>,
+}
+
+impl Table {
+    fn new(blocks: usize) -> Result<Self> {
+        Ok(Self { pages: memory::filled(0, blocks.div_ceil(PAGE))?, numbers: memory::filled(0, PAGE)? })
+    }
+
+    #[inline(always)]
+    fn get(&self, block: usize) -> u32 {
+        self.numbers[self.pages[block / PAGE] as usize * PAGE + block % PAGE]
+    }
+
+    fn entry(&mut self, block: usize) -> Result<&mut u32> {
+        let page = &mut self.pages[block / PAGE];
+        if *page == 0 {
+            *page = (self.numbers.len() / PAGE) as u32;
+            memory::resize(&mut self.numbers, (*page as usize + 1) * PAGE, 0)?;
+        }
+        Ok(&mut self.numbers[*page as usize * PAGE + block % PAGE])
+    }
 }
 
 impl NearestGrid {
@@ -77,11 +108,6 @@ impl NearestGrid {
     pub fn new(points: &[Vector3<f32>], (cell, reach): (f32, f32), execution: &Execution) -> Result<Self> {
         let mut grid = Self::around(points, cell, reach)?;
         let count = grid.number_blocks(points, execution)?;
-        if count > MOST_BLOCKS {
-            let remedy = "thin the points first (features.voxel_downsample), or give a larger unit";
-            let got = format!("{} points over a wide surface", points.len());
-            return Err(Error::invalid("points", got, remedy));
-        }
         grid.nearest = memory::collect((0..count).map(|_| OnceLock::new()))?;
         grid.sort(points, execution)?;
         Ok(grid)
@@ -97,7 +123,7 @@ impl NearestGrid {
         let low = low.map(|number| number - reach - cell);
         let blocks = (high - low)
             .map(|length| f64::from((length + reach + cell) / (cell * EDGE as f32)).floor() + 1.0);
-        let fits = blocks.product() <= MOST_BLOCKS_IN_BOX;
+        let fits = blocks.product() <= MOST_BLOCKS_IN_BOX && blocks.amax() <= MOST_BLOCKS_ALONG;
         if !fits {
             let spans = (high - low).amax();
             let remedy = "give a larger unit (0.4 of a voxel), or remove stray points";
@@ -108,7 +134,7 @@ impl NearestGrid {
             cells_per_length: cell.recip(),
             reach,
             size: [0, 1, 2].map(|k| blocks[k] as usize),
-            blocks: memory::filled(0, blocks.product() as usize)?,
+            blocks: Table::new(blocks.product() as usize)?,
             starts: Vec::new(),
             members: Vec::new(),
             nearest: Vec::new(),
@@ -123,13 +149,20 @@ impl NearestGrid {
             if i.is_multiple_of(STRETCH) {
                 execution.check()?;
             }
+            if count as usize > MOST_BLOCKS {
+                let remedy = "thin the points first (features.voxel_downsample), or give a larger unit";
+                let got = format!("{} points over a wide surface", points.len());
+                return Err(Error::invalid("points", got, remedy));
+            }
             let [first, last] =
                 [-self.reach, self.reach].map(|shift| self.block_of(&point.add_scalar(shift)));
             for (z, y) in (first[2]..=last[2]).flat_map(|z| (first[1]..=last[1]).map(move |y| (z, y))) {
-                let row = self.block_at([first[0], y, z])..=self.block_at([last[0], y, z]);
-                for number in self.blocks[row].iter_mut().filter(|number| **number == 0) {
-                    count += 1;
-                    *number = count;
+                for block in self.block_at([first[0], y, z])..=self.block_at([last[0], y, z]) {
+                    let number = self.blocks.entry(block)?;
+                    if *number == 0 {
+                        count += 1;
+                        *number = count;
+                    }
                 }
             }
         }
@@ -138,7 +171,7 @@ impl NearestGrid {
 
     /// Sorts the points into the blocks.
     fn sort(&mut self, points: &[Vector3<f32>], execution: &Execution) -> Result<()> {
-        let number = |point: &Vector3<f32>| self.blocks[self.block_at(self.block_of(point))] as usize;
+        let number = |point: &Vector3<f32>| self.blocks.get(self.block_at(self.block_of(point))) as usize;
         let mut starts = memory::filled(0, self.nearest.len() + 1)?;
         points.iter().for_each(|point| starts[number(point)] += 1);
         for block in 1..starts.len() {
@@ -213,13 +246,12 @@ impl NearestGrid {
         let [x, y, z] =
             [0, 1, 2].map(|k| corner[k].saturating_sub(1)..=(corner[k] + 1).min(self.size[k] - 1));
         let rows = z.flat_map(|z| y.clone().map(move |y| (z, y)));
-        let numbers = rows.flat_map(|(z, y)| {
-            &self.blocks[self.block_at([*x.start(), y, z])..=self.block_at([*x.end(), y, z])]
-        });
-        let members = numbers.filter(|&&number| number > 0).flat_map(|&number| {
-            let number = number as usize;
-            &self.members[self.starts[number - 1] as usize..self.starts[number] as usize]
-        });
+        let blocks =
+            rows.flat_map(|(z, y)| self.block_at([*x.start(), y, z])..=self.block_at([*x.end(), y, z]));
+        let numbers = blocks.map(|block| self.blocks.get(block) as usize);
+        let members = numbers
+            .filter(|&number| number > 0)
+            .flat_map(|number| &self.members[self.starts[number - 1] as usize..self.starts[number] as usize]);
         memory::collect(members.copied())
     }
 
@@ -290,7 +322,7 @@ impl NearestGrid {
             if blocks[lane] == OUTSIDE {
                 continue;
             }
-            let number = self.blocks[blocks[lane] as usize] as usize;
+            let number = self.blocks.get(blocks[lane] as usize) as usize;
             if number > 0 {
                 let filled = self.block(number, blocks[lane] as usize);
                 nearest[lane] = filled.map_or(NONE, |filled| filled[cells[lane] as usize % CELLS]);
@@ -349,6 +381,21 @@ mod tests {
         }
         points.push(Vector3::repeat(1e7));
         assert!(NearestGrid::new(&points, (1.0, 4.0), &Execution::default()).is_err());
+        Ok(())
+    }
+
+    #[test]
+    fn a_wide_box_takes_memory_by_its_surface() -> Result<()> {
+        let parts = scattered(40).into_iter().map(|place| place * 200.0);
+        let points: Vec<_> =
+            parts.flat_map(|place| scattered(50).into_iter().map(move |p| place + p / 10.0)).collect();
+        let grid = NearestGrid::new(&points, (1.0, 4.0), &Execution::default())?;
+        assert!(grid.blocks.pages.len() * PAGE > 1 << 26);
+        assert!(grid.blocks.numbers.len() < 40 * 64 * PAGE);
+        for (i, point) in points.iter().enumerate() {
+            let found = look(&grid, point).expect("within reach");
+            assert!((points[found] - points[i]).norm() < 3.0);
+        }
         Ok(())
     }
 
