@@ -67,9 +67,9 @@ MAX_TILT = 10.0
 """Degrees by which a pose may tilt an axis that both clouds share."""
 
 _FEW_POINTS = 300
-_FINER, _FINER_OF_FEW = ((2**-0.5, 3),), ((0.8, 1), (0.63, 1))
-"""Finer voxels, in those before, and the neighbours that each is matched with: where more effort is asked
-for, and for clouds of few points, which leave it to chance at which voxel the pose is found."""
+_FINER, _OF_FEW = ((2**-0.5, 3),), ((1.25, 1), (0.8, 1))
+"""Voxels, in those before, and the neighbours that each is matched with: where more effort is asked for, and for
+clouds of few points, which leave it to chance at which voxel the pose is found."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +127,7 @@ class Search:
         return replace(self, proposed=proposed, descriptors=descriptors, allows=turned)
 
     def _search(self, source: PreparedScan, target: PreparedScan) -> Found | None:
-        """Search with mutual matches, then with all, then on finer voxels, until the pose is accepted."""
+        """Search with mutual matches, then with all, then on other voxels, until the pose is accepted."""
         if self.front is not None:
             places = source.viewpoint or ORIGIN, target.viewpoint or ORIGIN
             clouds = source.scan, target.scan
@@ -135,13 +135,13 @@ class Search:
             return self._search_matches(source, target, matches)
         best = self._search_voxels(source, target, 1)
         is_small = min(len(scan.scan.cloud) for scan in (source, target)) < _FEW_POINTS
-        levels = _FINER_OF_FEW if is_small and self.effort != "low" else ()
+        levels = _OF_FEW if is_small and self.effort != "low" else ()
         for factor, k in (*levels, *(_FINER if self.effort == "high" else ())):
             if best is not None and is_accepted(best.probability):
                 break
             with suppress(InputError):  # where the points lie too far apart for finer voxels
-                finer = source.resized(factor, self.clock.start), target.resized(factor, self.clock.start)
-                best = _better(best, self._search_voxels(*finer, k))
+                other = source.resized(factor, self.clock.start), target.resized(factor, self.clock.start)
+                best = _better(best, self._search_voxels(*other, k))
         return best
 
     def _search_matches(
