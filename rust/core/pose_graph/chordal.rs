@@ -6,6 +6,7 @@ use std::collections::VecDeque;
 use nalgebra::Matrix3;
 
 use super::components::Sets;
+use super::conjugate::EXACT;
 use super::system::System;
 use super::{Link, motion};
 use crate::error::Result;
@@ -50,7 +51,7 @@ fn turn_nodes(poses: &mut [Rigid], links: &[Link]) -> Result<bool> {
             system.add_diagonal(node - 1, diagonal.as_slice());
         }
     }
-    if !(system.factorize() && system.solve(&mut sides)?) {
+    if !(system.factorize() && system.solve(&mut sides, EXACT)?) {
         return Ok(false);
     }
     for (node, pose) in poses.iter_mut().enumerate().skip(1) {
@@ -79,7 +80,7 @@ fn shift_nodes(poses: &mut [Rigid], links: &[Link]) -> Result<bool> {
             add_below(&mut system, link.from.max(link.to), link.from.min(link.to), &[-weight]);
         }
     }
-    if !(system.factorize() && system.solve(&mut sides)?) {
+    if !(system.factorize() && system.solve(&mut sides, EXACT)?) {
         return Ok(false);
     }
     for (node, pose) in poses.iter_mut().enumerate().skip(1) {

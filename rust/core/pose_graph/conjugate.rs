@@ -7,13 +7,12 @@ use super::system::Matrix;
 use crate::error::Result;
 use crate::memory;
 
-/// Reduction of the residual, in the norm of the inverted blocks.
-const REDUCTION: f64 = 1e-10;
-/// Multiplications with the matrix at most.
-const MOST_STEPS: usize = 500;
+/// Reduction of the residual, in the norm of the inverted blocks, that solves as exactly as a factor does.
+pub const EXACT: f64 = 1e-10;
 
 /// Inverted diagonal blocks, and the vectors of the iteration.
 pub struct Conjugate {
+    most_steps: usize,
     inverses: Vec<f64>,
     residual: Vec<f64>,
     scaled: Vec<f64>,
@@ -22,10 +21,11 @@ pub struct Conjugate {
 }
 
 impl Conjugate {
-    /// Room for a matrix of `rows` rows in blocks of `size`.
-    pub fn new(rows: usize, size: usize) -> Result<Self> {
+    /// Room for a matrix of `rows` rows in blocks of `size`, which is multiplied `most_steps` times at most.
+    pub fn new(rows: usize, size: usize, most_steps: usize) -> Result<Self> {
         let vector = || memory::filled(0.0, rows);
         Ok(Self {
+            most_steps,
             inverses: memory::filled(0.0, rows * size)?,
             residual: vector()?,
             scaled: vector()?,
@@ -46,15 +46,16 @@ impl Conjugate {
         true
     }
 
-    /// Solves in place for one right-hand side; false where the iteration doesn't converge.
-    pub fn solve(&mut self, matrix: &Matrix, side: &mut [f64]) -> bool {
+    /// Solves in place for one right-hand side, until the residual is reduced to a share; false where the iteration doesn't
+    /// converge.
+    pub fn solve(&mut self, matrix: &Matrix, side: &mut [f64], reduction: f64) -> bool {
         self.residual.copy_from_slice(side);
         side.fill(0.0);
         self.precondition(matrix.block_size());
         self.direction.copy_from_slice(&self.scaled);
         let mut square = dot(&self.residual, &self.scaled);
-        let enough = REDUCTION * REDUCTION * square;
-        for _ in 0..MOST_STEPS {
+        let enough = reduction * reduction * square;
+        for _ in 0..self.most_steps {
             if square <= enough {
                 return square.is_finite();
             }

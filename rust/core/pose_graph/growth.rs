@@ -25,7 +25,7 @@ const ROOM: f64 = 4.0;
 /// The first reach in mean lengths of trusted links; it doubles.
 const FIRST_REACH: f64 = 4.0;
 const MOST_TURNS: usize = 6;
-const COARSE: Precision = Precision { steps: 5, decrease: 1e-2 };
+const COARSE: Precision = Precision { steps: 5, decrease: 1e-2, reduction: 1e-8 };
 
 /// Takes in the loops that fit, and moves the poses; returns which links are held. Links of infinite bound reach every node.
 pub fn grow(

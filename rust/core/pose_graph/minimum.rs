@@ -3,6 +3,7 @@
 use nalgebra::Matrix6;
 
 use super::Link;
+use super::conjugate::EXACT;
 use super::linearization::Linearization;
 use crate::error::{Error, Result};
 use crate::execution::Execution;
@@ -15,10 +16,12 @@ pub struct Precision {
     pub steps: usize,
     /// Share of the cost that a step has to take off.
     pub decrease: f64,
+    /// Share of the slope that a step may leave where it is found by conjugate gradients.
+    pub reduction: f64,
 }
 
 /// For results.
-pub const FINE: Precision = Precision { steps: 100, decrease: 1e-7 };
+pub const FINE: Precision = Precision { steps: 100, decrease: 1e-7, reduction: 1e-6 };
 
 const FIRST_DAMPING: f64 = 1e-6;
 const LEAST_DAMPING: f64 = 1e-9;
@@ -58,7 +61,7 @@ pub fn minimize_weighted<'a>(
             execution.check()?;
             problem.system.set_diagonal(diagonal.iter().map(|entry| entry * (1.0 + damping)));
             step.iter_mut().zip(&problem.gradient).for_each(|(slot, slope)| *slot = -slope);
-            if problem.system.factorize() && problem.system.solve(&mut step)? {
+            if problem.system.factorize() && problem.system.solve(&mut step, precision.reduction)? {
                 let moved = problem.moved(poses, &step)?;
                 let reached = problem.cost(&moved)?;
                 if reached <= cost {
@@ -108,7 +111,7 @@ pub fn covariances(
         let Some(first) = problem.unknown(node).map(|unknown| 6 * unknown) else { continue };
         sides.fill(0.0);
         (0..6).for_each(|k| sides[k * rows + first + k] = 1.0);
-        if !problem.system.solve(&mut sides)? {
+        if !problem.system.solve(&mut sides, EXACT)? {
             return Err(open());
         }
         let solved = Matrix6::from_fn(|row, column| sides[column * rows + first + row]);

@@ -13,7 +13,7 @@ const LARGEST_SQUARED_ERROR: f64 = 16.811_893_829_770_927;
 const STEP: f64 = 1.4;
 const MOST_STEPS: usize = 100;
 const MOST_CHECKS: usize = 20;
-const COARSE: Precision = Precision { steps: 10, decrease: 1e-3 };
+const COARSE: Precision = Precision { steps: 10, decrease: 1e-3, reduction: 1e-3 };
 
 /// Moves the poses of a component, and says which links are kept. Where trusted links reach every node, loops are taken in from
 /// these; else it is the better end of two searches. The first keeps what the start agrees with, and suits a start that is nearly

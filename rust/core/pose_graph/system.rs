@@ -7,6 +7,8 @@ use crate::memory;
 
 /// Multiplications of a factorization, per entry of the matrix, above which the system is solved by conjugate gradients.
 const DENSE_FACTOR: f64 = 2000.0;
+/// Multiplications of a factorization, per entry of the matrix, that take as long as a step of conjugate gradients.
+const PRODUCTS_OF_A_STEP: f64 = 24.0;
 
 /// The lower triangle of a matrix.
 pub struct Matrix {
@@ -129,9 +131,10 @@ impl System {
     ) -> Result<Self> {
         let matrix = Matrix::new(unknowns, size, pairs)?;
         let order = Order::new(&matrix)?;
-        let products = order.products * (size * size * size) as f64;
-        let solver = if products > DENSE_FACTOR * matrix.values.len() as f64 {
-            Solver::Conjugate(Conjugate::new(matrix.len(), size)?)
+        let products = order.products * (size * size * size) as f64 / matrix.values.len().max(1) as f64;
+        let solver = if products > DENSE_FACTOR {
+            let most_steps = (products / PRODUCTS_OF_A_STEP) as usize; // a factor would take less time than more of them
+            Solver::Conjugate(Conjugate::new(matrix.len(), size, most_steps)?)
         } else {
             Solver::Factor(Factor::new(&matrix, &order, sides)?)
         };
@@ -195,15 +198,16 @@ impl System {
     }
 
     /// Solves in place for right-hand sides that lie one after the other; false where the matrix isn't positive definite.
+    /// Conjugate gradients end once a residual is reduced to a share; a factor is exact.
     /// Where conjugate gradients don't converge, the matrix is factorized from then on.
-    pub fn solve(&mut self, sides: &mut [f64]) -> Result<bool> {
+    pub fn solve(&mut self, sides: &mut [f64], reduction: f64) -> Result<bool> {
         let rows = self.len();
         if rows == 0 {
             return Ok(true);
         }
         if let Solver::Conjugate(conjugate) = &mut self.solver {
             let given = memory::copied(sides)?;
-            if sides.chunks_exact_mut(rows).all(|side| conjugate.solve(&self.matrix, side)) {
+            if sides.chunks_exact_mut(rows).all(|side| conjugate.solve(&self.matrix, side, reduction)) {
                 return Ok(true);
             }
             sides.copy_from_slice(&given);
@@ -227,6 +231,7 @@ fn add(sums: &mut [f64], terms: &[f64]) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::conjugate::EXACT;
     use super::*;
     use nalgebra::{DMatrix, DVector};
 
@@ -261,7 +266,7 @@ mod tests {
             let rows = unknowns * size;
             let mut sides: Vec<f64> = (0..2 * rows).map(|k| (0.3 * k as f64).cos()).collect();
             let expected = DVector::from_column_slice(&sides[rows..]);
-            assert!(system.solve(&mut sides)?);
+            assert!(system.solve(&mut sides, EXACT)?);
             assert!((dense * DVector::from_column_slice(&sides[rows..]) - expected).amax() < 1e-10);
         }
         Ok(())
@@ -290,9 +295,9 @@ mod tests {
         let mut system = tied(60.0)?;
         let given: Vec<f64> = (0..2 * system.len()).map(|k| (0.7 * k as f64).sin()).collect();
         let (mut iterated, mut factored) = (given.clone(), given);
-        assert!(system.factorize() && system.solve(&mut iterated)?);
+        assert!(system.factorize() && system.solve(&mut iterated, EXACT)?);
         system.solver = Solver::Factor(Factor::new(&system.matrix, &system.order, 2)?);
-        assert!(system.factorize() && system.solve(&mut factored)?);
+        assert!(system.factorize() && system.solve(&mut factored, EXACT)?);
         assert!(iterated.iter().zip(&factored).all(|(a, b)| (a - b).abs() < 1e-9));
         Ok(())
     }
@@ -302,7 +307,7 @@ mod tests {
         let mut system = tied(0.5)?;
         let mut sides = vec![1.0; system.len()];
         assert!(system.factorize());
-        assert!(!system.solve(&mut sides)?);
+        assert!(!system.solve(&mut sides, EXACT)?);
         assert!(matches!(system.solver, Solver::Factor(_)));
         assert!(!system.factorize());
         Ok(())
