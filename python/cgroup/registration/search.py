@@ -68,8 +68,8 @@ MAX_TILT = 10.0
 
 _FEW_POINTS = 300
 _FINER, _OF_FEW = ((2**-0.5, 3),), ((1.25, 1), (0.8, 1))
-"""Voxels, in those before, and the neighbours that each is matched with: where more effort is asked for, and for
-clouds of few points, which leave it to chance at which voxel the pose is found."""
+"""Voxels, in those before, and the neighbours that each is matched with: where more effort is asked for, and
+for clouds of few points, which leave it to chance at which voxel the pose is found."""
 
 
 @dataclass(frozen=True, eq=False)
