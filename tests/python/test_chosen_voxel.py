@@ -6,10 +6,11 @@ import pytest
 from cgroup import NoConsensusError, register
 from cgroup.datasets import standin_pair
 from cgroup.features import sample_mesh
+from cgroup.features._places import find_distinct
 from cgroup.io import PointCloud
 from cgroup.registration import assess, describe, surface_normals
 from cgroup.registration.parts import find_parts
-from cgroup.registration.scan import as_surface, find_distinct
+from cgroup.registration.scan import as_surface
 
 PAIR = standin_pair(pixels=70)
 SOURCE, TARGET, T = PAIR.source.points, PAIR.target.points, PAIR.T_target_source

@@ -14,10 +14,11 @@ matching      `match`
 ============  ==========================================================================
 
 Points are (N,3) in any unit and finite; lengths are in that unit. Keypoints are row numbers of the cloud.
-"Within a radius" means nearer than it, as in PCL. For several steps make a `Cloud` of the points first: it
-is checked and indexed once for all of them. All functions but those of meshes take ``threads`` (int
-or None, None for all cores); results do not depend on it. Input that can't be worked with raises
-`InputError`, a `ValueError`.
+"Within a radius" means nearer than it, as in PCL. Points that coincide count once, except in the means of
+voxels and in meshes; a keypoint is the first row of those that coincide. For several steps make a `Cloud` of
+the points first: it is checked and indexed once for all of them. All functions but those of meshes take
+``threads`` (int or None, None for all cores); results do not depend on it. Input that can't be worked with
+raises `InputError`, a `ValueError`.
 
 >>> import numpy as np
 >>> from cgroup import features

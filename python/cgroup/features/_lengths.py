@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from cgroup import _core
-from cgroup._checks.run_options import run_options
+from typing import TYPE_CHECKING
+
 from cgroup._checks.values import as_length
-from cgroup.errors import InputError
+from cgroup.features.cloud import resolution_of
+
+if TYPE_CHECKING:
+    from cgroup.features._places import Places
 
 HARRIS_RADIUS = 2.7
 """Default radius of Harris 3D in pr, as in the paper authors' pipeline."""
@@ -17,16 +20,11 @@ SUPPORT_RADIUS = 15.0
 """Radius of descriptors and frames in pr (paper, section 4.4)."""
 
 
-def known_resolution(cloud: _core.Cloud, threads: int | None) -> float:
-    """Return the resolution of the cloud, which keeps it."""
-    return _core.resolution(cloud, run_options(threads), ignore_zero=False)
-
-
 def length_or_multiple(
     name: str,
     given: float | None,
     factor: float,
-    cloud: _core.Cloud,
+    cloud: Places,
     unit: float | None,
     threads: int | None,
 ) -> float:
@@ -36,10 +34,4 @@ def length_or_multiple(
         return as_length(name, given)
     if known is not None:
         return factor * known
-    computed = known_resolution(cloud, threads)
-    if computed == 0:
-        raise InputError(
-            name,
-            remedy=f"the cloud's resolution is 0, as every point has a duplicate; give `{name}`",
-        )
-    return factor * computed
+    return factor * resolution_of(cloud, threads)

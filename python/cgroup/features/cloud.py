@@ -10,6 +10,8 @@ from cgroup._checks.arrays import real_points
 from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_flag, as_word
+from cgroup.errors import InputError
+from cgroup.features._places import Places, find_distinct, renumber
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -57,7 +59,7 @@ class Cloud:
     ... )
     """
 
-    __slots__ = ("_core", "_name", "_points")
+    __slots__ = ("_core", "_name", "_places", "_points")
 
     def __init__(self, points: AnyCloud, *, name: str = "points") -> None:
         array = real_points(as_word("name", name), points).view()
@@ -65,6 +67,7 @@ class Cloud:
         self._points: RealArray = array
         self._name = name
         self._core = _core.Cloud(array, name)
+        self._places: Places | None = None
 
     def __reduce__(self) -> tuple[Callable[[RealArray], Cloud], tuple[RealArray]]:
         """Pickle the points; they are indexed anew."""
@@ -112,6 +115,25 @@ def core_cloud(points: CloudLike, name: str = "points") -> _core.Cloud:
     return _core.Cloud(real_points(name, points), name)
 
 
+def places_of(points: CloudLike, name: str = "points") -> Places:
+    """Return one point for each place of a cloud, for the compiled core; a `Cloud` keeps them."""
+    if not isinstance(points, Cloud):
+        return _find_places(real_points(name, points), core_cloud(points, name), name)
+    known = points._places  # noqa: SLF001 # pyright: ignore[reportPrivateUsage] - not for users
+    if known is None:
+        known = _find_places(points.points, core_cloud(points), name)
+        points._places = known  # noqa: SLF001 # pyright: ignore[reportPrivateUsage]
+    return known
+
+
+def _find_places(points: RealArray, core: _core.Cloud, name: str) -> Places:
+    """Find one point for each place of a checked cloud."""
+    first = find_distinct(points)
+    if first is None:
+        return Places(core)
+    return Places(_core.Cloud(points[first], name), first, renumber(points, first))
+
+
 def points_of(points: CloudLike) -> RealArray:
     """Return the coordinates themselves, for what the core does not do."""
     return points.points if isinstance(points, Cloud) else real_points("points", points)
@@ -121,12 +143,14 @@ def points_of(points: CloudLike) -> RealArray:
 def resolution(points: CloudLike, *, ignore_zero: bool = False, threads: int | None = None) -> float:
     """Mean distance of a point to its nearest other point, the unit *pr*.
 
+    Points that coincide count once.
+
     Parameters
     ----------
     points : Cloud or (N,3) array_like of float
-        Two points or more.
+        Two distinct points or more.
     ignore_zero : bool
-        Leave out points that have a duplicate; otherwise they count as 0.
+        Leave out points that have a duplicate, rather than count them once.
     threads : int, optional
         Threads to compute on, None for all cores. The result does not depend on it.
 
@@ -138,7 +162,7 @@ def resolution(points: CloudLike, *, ignore_zero: bool = False, threads: int | N
     Raises
     ------
     InputError
-        For fewer than two points, or where they aren't (N,3), finite and below 1e150.
+        For fewer than two distinct points, or where they aren't (N,3), finite and below 1e150.
     OutOfMemoryError
         Where the system gives no memory for the computation.
 
@@ -148,4 +172,15 @@ def resolution(points: CloudLike, *, ignore_zero: bool = False, threads: int | N
     >>> features.resolution([[0, 0, 0], [1, 0, 0], [3, 0, 0]])
     1.3333333333333333
     """
-    return _core.resolution(core_cloud(points), run_options(threads), as_flag("ignore_zero", ignore_zero))
+    options = run_options(threads)
+    if as_flag("ignore_zero", ignore_zero):
+        return _core.resolution(core_cloud(points), options, ignore_zero=True)
+    return resolution_of(places_of(points), threads)
+
+
+def resolution_of(places: Places, threads: int | None) -> float:
+    """Return the resolution of the distinct points of a cloud, which keeps it."""
+    if places.rows is not None and len(places.core) < 2:
+        got = f"{len(places.rows)} points that all coincide"
+        raise InputError("points", got, "a resolution needs two distinct points")
+    return _core.resolution(places.core, run_options(threads), ignore_zero=False)

@@ -9,7 +9,7 @@ from cgroup._checks.arrays import as_rows, real_frames, real_normals
 from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_count, as_flag, as_number
-from cgroup.features.cloud import core_cloud
+from cgroup.features.cloud import places_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -79,10 +79,11 @@ def shot(
     """
     rows = as_rows("keypoints", keypoints)
     frames = None if lrf is None else real_frames("lrf", lrf, len(rows))
+    places = places_of(points)
     return _core.shot(
-        core_cloud(points),
-        real_normals("normals", normals),
-        rows,
+        places.core,
+        places.normals(real_normals("normals", normals)),
+        places.keypoints(rows),
         run_options(threads),
         radius=as_number("radius", radius),
         lrf=frames,
@@ -143,10 +144,11 @@ def lfsh(
     >>> descriptors.shape, descriptors[0, :10].sum().round(3).item()
     ((2, 30), 1.0)
     """
+    places = places_of(points)
     return _core.lfsh(
-        core_cloud(points),
-        real_normals("normals", normals),
-        as_rows("keypoints", keypoints),
+        places.core,
+        places.normals(real_normals("normals", normals)),
+        places.keypoints(as_rows("keypoints", keypoints)),
         run_options(threads),
         as_number("radius", radius),
     )
@@ -194,12 +196,9 @@ def rcs(
     >>> features.rcs(points, [0, 500], radius=15 * pr).shape
     (2, 72)
     """
-    return _core.rcs(
-        core_cloud(points),
-        as_rows("keypoints", keypoints),
-        run_options(threads),
-        as_number("radius", radius),
-    )
+    places = places_of(points)
+    rows = places.keypoints(as_rows("keypoints", keypoints))
+    return _core.rcs(places.core, rows, run_options(threads), as_number("radius", radius))
 
 
 @explain_wrong_calls
@@ -264,12 +263,14 @@ def fpfh(
     >>> descriptors.shape, descriptors[0].reshape(3, 11).sum(axis=1).round(2).tolist()
     ((2554, 33), [200.0, 200.0, 200.0])
     """
-    return _core.fpfh(
-        core_cloud(points),
-        real_normals("normals", normals),
-        None if keypoints is None else as_rows("keypoints", keypoints),
+    places = places_of(points)
+    found = _core.fpfh(
+        places.core,
+        places.normals(real_normals("normals", normals)),
+        None if keypoints is None else places.keypoints(as_rows("keypoints", keypoints)),
         run_options(threads),
         radius=as_number("radius", radius),
         max_neighbors=None if max_neighbors is None else as_count("max_neighbors", max_neighbors, 1),
         convention=convention,
     )
+    return places.spread(found) if keypoints is None else found

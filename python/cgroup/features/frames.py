@@ -9,7 +9,7 @@ from cgroup._checks.arrays import as_rows
 from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_number
-from cgroup.features.cloud import core_cloud
+from cgroup.features.cloud import places_of
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -66,12 +66,9 @@ def shot_lrf(
     >>> bool(np.allclose(np.cross(x, y), z))
     True
     """
-    return _core.shot_lrf(
-        core_cloud(points),
-        as_rows("keypoints", keypoints),
-        run_options(threads),
-        as_number("radius", radius),
-    )
+    places = places_of(points)
+    rows = places.keypoints(as_rows("keypoints", keypoints))
+    return _core.shot_lrf(places.core, rows, run_options(threads), as_number("radius", radius))
 
 
 @explain_wrong_calls
@@ -118,9 +115,6 @@ def toldi_lrf(
     >>> features.toldi_lrf(points, [0, 500], radius=15 * pr).shape
     (2, 3, 3)
     """
-    return _core.toldi_lrf(
-        core_cloud(points),
-        as_rows("keypoints", keypoints),
-        run_options(threads),
-        as_number("radius", radius),
-    )
+    places = places_of(points)
+    rows = places.keypoints(as_rows("keypoints", keypoints))
+    return _core.toldi_lrf(places.core, rows, run_options(threads), as_number("radius", radius))

@@ -16,10 +16,9 @@ from cgroup.features._lengths import (
     HARRIS_RADIUS,
     ISS_RADII,
     SUPPORT_RADIUS,
-    known_resolution,
     length_or_multiple,
 )
-from cgroup.features.cloud import core_cloud, points_of
+from cgroup.features.cloud import places_of, points_of, resolution_of
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -83,8 +82,7 @@ def harris3d(
     ------
     InputError
         If points aren't (N,3), finite and below 1e150; for a length or count that is not positive, or an
-        unknown response; where the radius is not given and the resolution is 0, as all points have
-        duplicates.
+        unknown response; where the radius is not given and all points coincide.
     OutOfMemoryError
         Where the system gives no memory for the computation.
 
@@ -98,13 +96,13 @@ def harris3d(
     >>> len(usual) > len(features.harris3d(points, resolution=pr, count=50)) > 30
     True
     """
-    cloud = core_cloud(points)
-    if len(cloud) == 0:
+    places = places_of(points)
+    if len(places.core) == 0:
         return np.empty(0, dtype=np.int64)
-    size = length_or_multiple("radius", radius, HARRIS_RADIUS, cloud, resolution, threads)
-    return _core.harris3d(
-        cloud,
-        None if normals is None else real_normals("normals", normals),
+    size = length_or_multiple("radius", radius, HARRIS_RADIUS, places, resolution, threads)
+    found = _core.harris3d(
+        places.core,
+        None if normals is None else places.normals(real_normals("normals", normals)),
         run_options(threads),
         radius=size,
         response=response,
@@ -113,6 +111,7 @@ def harris3d(
         break_ties=as_flag("break_ties", break_ties),
         count=None if count is None else as_count("count", count, 1),
     )
+    return places.first_rows(found)
 
 
 @explain_wrong_calls
@@ -173,7 +172,7 @@ def iss(
     InputError
         If points aren't (N,3), finite and below 1e150; for a length, bound or count that is not positive, or
         a word that is none of the choices; for an option that Open3D's detector lacks, with that backend;
-        where a radius is not given and the resolution is 0, as all points have duplicates.
+        where a radius is not given and all points coincide.
     CgroupError
         Where Open3D is asked for and can't be imported.
     OutOfMemoryError
@@ -189,22 +188,23 @@ def iss(
     >>> len(usual) > 3 * len(features.iss(points, resolution=pr, nms_radius=6 * pr))
     True
     """
-    cloud = core_cloud(points)
+    places = places_of(points)
     as_count("min_neighbors", min_neighbors, 1)
     as_choice("backend", backend, ("cgroup", "open3d"))
     bounds = as_number("gamma_21", gamma_21), as_number("gamma_32", gamma_32)
     weighted = as_flag("density_weight", density_weight)
-    if len(cloud) == 0:
+    if len(places.core) == 0:
         return np.empty(0, dtype=np.int64)
     if resolution is None and (salient_radius is None or nms_radius is None):
-        resolution = known_resolution(cloud, threads)
-    salient = length_or_multiple("salient_radius", salient_radius, ISS_RADII[0], cloud, resolution, threads)
-    nms = length_or_multiple("nms_radius", nms_radius, ISS_RADII[1], cloud, resolution, threads)
+        resolution = resolution_of(places, threads)
+    salient = length_or_multiple("salient_radius", salient_radius, ISS_RADII[0], places, resolution, threads)
+    nms = length_or_multiple("nms_radius", nms_radius, ISS_RADII[1], places, resolution, threads)
     if backend == "open3d":
         _open3d.refuse_options(density_weight=weighted, count=count)
-        return _open3d.iss(points_of(points), salient, nms, *bounds, min_neighbors)
-    return _core.iss(
-        cloud,
+        distinct = points_of(points) if places.first is None else points_of(points)[places.first]
+        return places.first_rows(_open3d.iss(distinct, salient, nms, *bounds, min_neighbors))
+    found = _core.iss(
+        places.core,
         run_options(threads),
         salient_radius=salient,
         nms_radius=nms,
@@ -215,6 +215,7 @@ def iss(
         covariance=covariance,
         count=None if count is None else as_count("count", count, 1),
     )
+    return places.first_rows(found)
 
 
 @explain_wrong_calls
@@ -240,7 +241,7 @@ def drop_isolated(
     resolution : float, optional
         Mean distance of neighbouring points, a length; computed where it is needed and not given.
     min_points : int
-        Least number of points nearer than `radius`, the keypoint itself included.
+        Least number of distinct points nearer than `radius`, the keypoint itself included.
     threads : int, optional
         Threads to compute on, None for all cores. The result does not depend on it.
 
@@ -253,8 +254,8 @@ def drop_isolated(
     ------
     InputError
         If points aren't (N,3), finite and below 1e150; for keypoints that are no rows of the points, or a
-        radius or `min_points` that is not positive; where the radius is not given and the resolution is 0, as
-        all points have duplicates.
+        radius or `min_points` that is not positive; where the radius is not given and all points
+        coincide.
     OutOfMemoryError
         Where the system gives no memory for the computation.
 
@@ -265,8 +266,14 @@ def drop_isolated(
     >>> features.drop_isolated(points, [0, 2], radius=2, min_points=2)
     array([0])
     """
-    cloud, rows = core_cloud(points), as_rows("keypoints", keypoints)
+    places, rows = places_of(points), as_rows("keypoints", keypoints)
     if len(rows) == 0:
         return rows
-    size = length_or_multiple("radius", radius, SUPPORT_RADIUS, cloud, resolution, threads)
-    return _core.drop_isolated(cloud, rows, run_options(threads), size, as_count("min_points", min_points, 1))
+    size = length_or_multiple("radius", radius, SUPPORT_RADIUS, places, resolution, threads)
+    least = as_count("min_points", min_points, 1)
+    if places.rows is None:
+        return _core.drop_isolated(places.core, rows, run_options(threads), size, least)
+    # Of rows at one place all are kept or none.
+    own = places.keypoints(rows)
+    kept = _core.drop_isolated(places.core, own, run_options(threads), size, least)
+    return rows[np.isin(own, kept)]

@@ -9,7 +9,7 @@ from cgroup._checks.arrays import as_faces, as_place
 from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_count, as_number
-from cgroup.features.cloud import core_cloud
+from cgroup.features.cloud import core_cloud, places_of
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -34,16 +34,16 @@ def normals(
 ) -> FloatArray:
     """Fit a plane to the neighbourhood of every point (as PCL's ``NormalEstimation``).
 
-    SHOT and LFSH depend on the side the normals point to. A viewpoint is right for a scan taken from it;
-    for whole models use `mesh_normals`, or move the viewpoint along with the model. Cost O(N log N), then
-    O(N neighbors).
+    Points that coincide count once. SHOT and LFSH depend on the side the normals point to. A viewpoint is
+    right for a scan taken from it; for whole models use `mesh_normals`, or move the viewpoint along with the
+    model. Cost O(N log N), then O(N neighbors).
 
     Parameters
     ----------
     points : Cloud or (N,3) array_like of float
         Finite, in any unit; make a `Cloud` of them once for several steps.
     neighbors : int, optional
-        Points per plane, the point itself included; 20 by default.
+        Distinct points per plane, the point itself included; 20 by default.
     radius : float, optional
         Use all points nearer than this instead; of them only the nearest `neighbors` where both are given (as
         Open3D's hybrid search).
@@ -76,7 +76,8 @@ def normals(
     place = as_place("viewpoint", viewpoint)
     count = None if neighbors is None else as_count("neighbors", neighbors, 1)
     size = None if radius is None else as_number("radius", radius)
-    return _core.normals(core_cloud(points), run_options(threads), count, size, place)
+    places = places_of(points)
+    return places.spread(_core.normals(places.core, run_options(threads), count, size, place))
 
 
 @explain_wrong_calls

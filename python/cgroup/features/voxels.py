@@ -13,7 +13,7 @@ from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_count, as_length
 from cgroup.errors import InputError
-from cgroup.features.cloud import Cloud, core_cloud
+from cgroup.features.cloud import Cloud, core_cloud, places_of
 from cgroup.types import find_cloud
 
 if TYPE_CHECKING:
@@ -137,8 +137,8 @@ def choose_voxel(*clouds: CloudLike, voxels: int = 5000, threads: int | None = N
     """Choose the size of voxels that leaves clouds about so many.
 
     The smallest d 2^(k/16), d the longest diagonal and k a whole number, at which the clouds have at most
-    `voxels` voxels on average and at least two points per voxel. It grows with the clouds: it does not depend
-    on their unit. Cost O(N), a few times.
+    `voxels` voxels on average and at least two distinct points per voxel. It grows with the clouds: it does
+    not depend on their unit. Cost O(N), a few times.
 
     Parameters
     ----------
@@ -175,7 +175,7 @@ def choose_voxel(*clouds: CloudLike, voxels: int = 5000, threads: int | None = N
         raise InputError("clouds", "none", "give one cloud or more")
     most = as_count("voxels", voxels, 1)
     return _core.choose_voxel(
-        [core_cloud(cloud, f"clouds[{row}]") for row, cloud in enumerate(clouds)],
+        [places_of(cloud, f"clouds[{row}]").core for row, cloud in enumerate(clouds)],
         run_options(threads),
         most,
         own_axes=False,
@@ -193,5 +193,5 @@ def thin(
 
 def choose_thinning(*clouds: CloudLike, voxels: int, threads: int | None) -> float:
     """As `choose_voxel`, for `thin`."""
-    cores = [core_cloud(cloud) for cloud in clouds]
+    cores = [places_of(cloud).core for cloud in clouds]
     return _core.choose_voxel(cores, run_options(threads), voxels, own_axes=True)

@@ -14,6 +14,7 @@ from cgroup._checks.values import as_choice, as_count, as_items, as_length, refu
 from cgroup._runtime.progress import as_stage_function, ignore_progress
 from cgroup.errors import InputError
 from cgroup.features import ORIGIN, SUPPORT_RADIUS, DescribedCloud
+from cgroup.features._places import renumber
 from cgroup.registration.matching import as_correspondences
 from cgroup.registration.scan import NEEDED_FOR, NORMAL_NEIGHBORS, NORMALS, as_scan
 
@@ -212,7 +213,7 @@ def correspond_by(
 ) -> Correspondences:
     """Match keypoints of two clouds; `begin` is told of each stage."""
     begin("resolution")
-    scans = as_scan("source", source), as_scan("target", target)
+    scans = as_scan("source", source, distinct=True), as_scan("target", target, distinct=True)
     given, normals = front.resolution, front.normals
     pr = common_resolution(*scans, threads) if given is None else scans[0].unit(given, threads)
     if not any(scan.has(normals) for scan in scans):
@@ -278,7 +279,7 @@ def detect(
     Returns
     -------
     (m,) array of int64
-        Rows of the cloud, ascending.
+        Rows of the cloud, ascending; of points that coincide the first.
 
     Raises
     ------
@@ -294,8 +295,9 @@ def detect(
     >>> len(detect(cloud)) > len(detect(cloud, keypoints=50)) > 30
     True
     """
-    front, scan = PaperFront(detector, keypoints=keypoints, nms_radius=nms_radius), as_scan("cloud", cloud)
-    return _detect(front, scan, scan.unit(resolution, threads), threads)
+    front = PaperFront(detector, keypoints=keypoints, nms_radius=nms_radius)
+    scan = as_scan("cloud", cloud, distinct=True)
+    return _rows_given(scan, _detect(front, scan, scan.unit(resolution, threads), threads))
 
 
 @explain_wrong_calls
@@ -344,7 +346,9 @@ def surface_normals(
     True
     """
     as_choice("normals", normals, NORMALS)
-    return _find_normals(as_scan("cloud", cloud), normals, viewpoint, threads)
+    scan = as_scan("cloud", cloud, distinct=normals != "given")
+    found = _find_normals(scan, normals, viewpoint, threads)
+    return found if scan.rows is None else found[renumber(scan.given, scan.rows)]
 
 
 @explain_wrong_calls
@@ -409,8 +413,14 @@ def describe(
     72
     """
     front = PaperFront(detector, descriptor, keypoints, nms_radius, normals)
-    scan, begin = as_scan("cloud", cloud), as_stage_function(progress)
-    return _describe(front, scan, scan.unit(resolution, threads), viewpoint, threads, begin)
+    scan, begin = as_scan("cloud", cloud, distinct=True), as_stage_function(progress)
+    described = _describe(front, scan, scan.unit(resolution, threads), viewpoint, threads, begin)
+    return replace(described, indices=_rows_given(scan, described.indices))
+
+
+def _rows_given(scan: Scan, rows: IndexArray) -> IndexArray:
+    """Return rows of the distinct points as rows of the points as given: of each the first."""
+    return rows if scan.rows is None else scan.rows[rows]
 
 
 def _detect(front: PaperFront, scan: Scan, pr: float, threads: int | None) -> IndexArray:

@@ -361,7 +361,7 @@ def merge_clouds(
     It is thinned by a voxel, that of the finest point spacing where none is given.
     """
     if voxel is None:
-        voxel = min(features.resolution(cloud.points, ignore_zero=True) for cloud in clouds)
+        voxel = min(features.resolution(cloud.points) for cloud in clouds)
     normals = [cloud.normals for cloud in clouds if cloud.normals is not None]
     own = [cloud.colors for cloud in clouds if cloud.colors is not None]
     if len(own) < len(clouds):

@@ -21,6 +21,7 @@ from cgroup._checks.values import as_length
 from cgroup._runtime.cached import cached_property
 from cgroup.errors import InputError
 from cgroup.features import Cloud, sample_mesh
+from cgroup.features._places import find_distinct, renumber
 from cgroup.features.cloud import core_cloud
 from cgroup.features.meshes import longest_edges
 from cgroup.types import PointCloud, find_cloud
@@ -63,13 +64,11 @@ MOST_STRAYS = 0.05
 _LEAST_ROUNDED = 1e-6  # of the cloud's diagonal
 _FAR, _ROOM, _ALONE = 3.0, 0.5, 4
 _ENOUGH = 20_000  # points that tell the size of a cloud
-_MANY = 200_000  # points of which a part shows whether they repeat
 _DIRECTIONS, _FEW = 1000, 8  # looked at, of which one in so many first
 _NEARBY, _LAYERS_APART = 4, 3.0  # nearest directions of each, voxels
 _LARGE, _LARGE_SHARE, _FEW_VERTICES = 4.0, 0.2, 2000
 """Length of a large face in mean spacings; share of the area in them, or vertices, that need samples."""
 _MESH_SPACING = 0.5  # voxels between points on a large face
-_HASH = np.uint64(0x9E3779B97F4A7C15), np.uint64(29)
 
 
 class ViewDirection(NamedTuple):
@@ -267,7 +266,7 @@ def as_scan(name: str, cloud: Scan | Cloud | AnyCloud, *, distinct: bool = False
     rows, first = points, find_distinct(points) if distinct else None
     if first is not None:
         rows, normals = points[first], None if normals is None else normals[first]
-        faces = None if faces is None else _renumber(points, first)[faces]
+        faces = None if faces is None else renumber(points, first)[faces]
     if len(rows) == 1 < len(points):
         raise InputError(name, remedy="all its points coincide; give a cloud of a surface")
     if len(rows) <= NORMAL_NEIGHBORS:
@@ -318,33 +317,6 @@ def _needs_samples(name: str, mesh: PointCloud) -> bool:
         return False
     large = longest_edges(corners) > _LARGE * np.sqrt(areas.sum() / count)
     return count < _FEW_VERTICES or bool(areas[large].sum() > _LARGE_SHARE * areas.sum())
-
-
-def find_distinct(points: RealArray) -> IndexArray | None:
-    """Return the first row of each distinct point, ascending; None where no two coincide."""
-    keys = np.zeros(len(points), dtype=np.uint64)
-    multiplier, shift = _HASH
-    bits = np.dtype(f"u{points.dtype.itemsize}")
-    for axis in range(3):
-        keys += np.ascontiguousarray(points[:, axis] + points.dtype.type(0)).view(bits)  # -0 is 0
-        keys *= multiplier
-        keys ^= keys >> shift
-    # Of many points one in eight: equal ones have equal keys.
-    ordered = np.sort(keys if len(keys) <= _MANY else keys[keys % 8 == 0])
-    if (ordered[1:] != ordered[:-1]).all():
-        return None
-    _, first, inverse = np.unique(keys, return_index=True, return_inverse=True)
-    if (points[first][inverse.reshape(-1)] != points).any():  # two points with the same key
-        first = np.unique(points, axis=0, return_index=True)[1]
-    return None if len(first) == len(points) else np.sort(first)
-
-
-def _renumber(points: RealArray, first: IndexArray) -> IndexArray:
-    """Return the row of each point among the distinct ones."""
-    place = np.unique(points, axis=0, return_inverse=True)[1].reshape(-1)
-    rows = np.empty(len(first), dtype=np.int64)
-    rows[place[first]] = np.arange(len(first))
-    return rows[place]
 
 
 def _find_rounding(cloud: Cloud) -> float:

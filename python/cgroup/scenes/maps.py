@@ -349,7 +349,7 @@ def prepare_map(
     if voxel is not None:
         size = as_length("voxel", voxel)
         return PreparedMap(given.points, [_describe(given, size, threads, begin)], size, threads)
-    size = _SPACINGS * features.resolution(given, ignore_zero=True, threads=threads)
+    size = _SPACINGS * features.resolution(given, threads=threads)
     levels = [_describe(given, size, threads, begin)]
     with suppress(InputError):  # of voxels too coarse for planes
         while len(levels[-1].voxels) > _COARSEST:
