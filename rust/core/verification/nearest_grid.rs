@@ -393,7 +393,7 @@ mod tests {
         assert!(grid.blocks.pages.len() * PAGE > 1 << 26);
         assert!(grid.blocks.numbers.len() < 40 * 64 * PAGE);
         for (i, point) in points.iter().enumerate() {
-            let found = look(&grid, point).expect("within reach");
+            let found = look(&grid, point).ok_or_else(refused)?;
             assert!((points[found] - points[i]).norm() < 3.0);
         }
         Ok(())
