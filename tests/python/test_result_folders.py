@@ -24,6 +24,7 @@ from cgroup.io import read_cloud, write_cloud, write_correspondences, write_file
 from cgroup.io._results import LIST, Results
 from cgroup.rigid import apply
 from cgroup.scenes import register_all
+from cgroup.scenes.map_files import save_arrays
 from cgroup.types import Correspondences
 
 POSIX = pytest.mark.skipif(sys.platform == "win32", reason="links, pipes and signals are Unix's")
@@ -260,9 +261,9 @@ cgroup.io.write_file(sys.argv[1], b"half")
 """
 
 
-def write_half(path: Path) -> subprocess.Popen[str]:
-    """Start a process that has written a part of a file, and waits."""
-    line = [sys.executable, "-c", HALF_WRITTEN, str(path)]
+def start_writing(script: str, path: Path) -> subprocess.Popen[str]:
+    """Start a process that has written a part of a path, and waits."""
+    line = [sys.executable, "-c", script, str(path)]
     process = subprocess.Popen(line, stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
     assert process.stdout.readline() == "ready\n"
@@ -275,7 +276,7 @@ def test_parts_of_killed_runs_are_removed_and_those_of_living_ones_stay(
 ) -> None:
     out = folder / "out"
     out.mkdir()
-    dead, alive = (write_half(out / name) for name in ("a.txt", "b.txt"))
+    dead, alive = (start_writing(HALF_WRITTEN, out / name) for name in ("a.txt", "b.txt"))
     try:
         parts = {*out.glob(".cgroup-*.part")}
         assert len(parts) == 2
@@ -297,6 +298,36 @@ def test_parts_of_killed_runs_are_removed_and_those_of_living_ones_stay(
             process.stdout.close()
     succeed(capsys, *COMMANDS["group"])
     assert not {*out.glob(".cgroup-*.part")} & parts
+
+
+HALF_SAVED = """
+import sys, time
+from pathlib import Path
+import numpy as np
+import cgroup.scenes.map_files as map_files
+map_files._check_of = lambda _: (print("ready", flush=True), time.sleep(600))
+map_files.save_arrays(Path(sys.argv[1]), {}, {"points": np.zeros((3, 3))})
+"""
+
+
+@POSIX
+def test_parts_of_killed_folders_are_removed_and_those_of_living_ones_stay(tmp_path: Path) -> None:
+    dead, alive = (start_writing(HALF_SAVED, tmp_path / name) for name in ("a", "b"))
+    try:
+        assert len([*tmp_path.glob(".cgroup-*.part/*/points.npy")]) == 2
+        dead.send_signal(signal.SIGKILL)
+        dead.wait()
+        (tmp_path / ".cgroup-mine.part").mkdir()
+        save_arrays(tmp_path / "c", {}, {"points": np.zeros((3, 3))})
+        assert {file.name for file in (tmp_path / "c").iterdir()} == {"map.json", "points.npy"}
+        assert len([*tmp_path.glob(".cgroup-*.part/*/points.npy")]) == 1
+        assert (tmp_path / ".cgroup-mine.part").is_dir()
+    finally:
+        for process in (dead, alive):
+            process.kill()
+            process.wait()
+            assert process.stdout is not None
+            process.stdout.close()
 
 
 @POSIX

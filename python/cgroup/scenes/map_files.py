@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
-import shutil
-import tempfile
 import zlib
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,9 +11,11 @@ import numpy as np
 from cgroup.errors import InputError
 from cgroup.io._files import load_json, read_content
 from cgroup.io._numpy_files import load_npy
+from cgroup.io._parts import folder_made_whole
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+    from pathlib import Path
 
     from numpy.typing import NDArray
 
@@ -37,12 +35,11 @@ def save_arrays(folder: Path, facts: Mapping[str, Any], arrays: Mapping[str, NDA
     """Write arrays to a new folder: all of them, or none."""
     check_new(folder)
     try:
-        with tempfile.TemporaryDirectory(dir=folder.absolute().parent) as beside:
-            checks = {name: _save(Path(beside, f"{name}.npy"), array) for name, array in arrays.items()}
+        with folder_made_whole(folder.absolute()) as beside:
+            checks = {name: _save(beside / f"{name}.npy", array) for name, array in arrays.items()}
             document = {"version": _VERSION, **facts, "arrays": checks}
             content = json.dumps({**document, "check": _check_of(document)})
-            Path(beside, _FACTS).write_text(content, encoding="utf-8")
-            shutil.copytree(beside, folder, copy_function=os.replace)
+            (beside / _FACTS).write_text(content, encoding="utf-8")
     except OSError as error:
         message = f"{folder}: can't be written ({error.strerror or error})"
         raise InputError(message) from error
