@@ -195,6 +195,16 @@ def test_a_refused_guess_is_judged_too(folder: Path, capsys: Capture) -> None:
     assert not document["guess"]["truth"]["right"]
 
 
+def test_a_refused_assessment_names_what_to_look_at(
+    pair: tuple[Path, Path], tmp_path: Path, capsys: Capture
+) -> None:
+    np.savetxt(tmp_path / "wrong.txt", np.diag([1.0, -1.0, -1.0, 1.0]) + np.eye(4, k=3) * 1e8)
+    status, _, err = run(capsys, "assess", *pair, tmp_path / "wrong.txt")
+    assert status == 3
+    assert "cgroup register SOURCE TARGET --initial POSE --html" in " ".join(err.split())
+    assert not re.search(r"[0-9]{6,}", err)
+
+
 def test_assess_says_the_same_of_a_pose(folder: Path, pair: tuple[Path, Path], capsys: Capture) -> None:
     said = facts_of(succeed(capsys, "assess", *pair, folder / "truth.txt", "--verbose"))
     assert {"pose", "probability", "overlap", "residual", "known to", "voxel", "time"} < set(said)
@@ -368,6 +378,11 @@ def test_recognize(folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: Captur
     assert names == [name + suffix for name in found for suffix in (".ply", ".txt")]
     assert all(name in out for name in names)
     pose = read_transform(folder / "found" / "stone2_in_scene.txt")
+    points = stone_model(2).points
+    middle = pose[:3, :3] @ (points.min(axis=0) + points.max(axis=0)) / 2 + pose[:3, 3]
+    place = re.search(r"stone2_in_scene +its middle at \((.+), (.+), (.+)\), turned by", out)
+    assert place is not None
+    np.testing.assert_allclose([float(number) for number in place.groups()], middle, rtol=0.01, atol=0.5)
     posed = read_cloud(folder / "found" / "stone2_in_scene.ply")
     np.testing.assert_allclose(posed.points, stone_model(2).transformed(pose).points, rtol=1e-4, atol=1e-2)
 

@@ -5,20 +5,29 @@ from __future__ import annotations
 import itertools
 from collections import Counter
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from cgroup import io
+from cgroup._checks.arrays import in_double
 from cgroup.cli import options
 from cgroup.cli.command import command, make_app
 from cgroup.cli.inputs import describe_cloud, read_cloud
 from cgroup.cli.options import Point, argument, option
 from cgroup.cli.pose_files import name_frames, name_of_pair, refuse_others, write_pose
 from cgroup.cli.show.json import Document
-from cgroup.cli.show.tables import Column, print_table
+from cgroup.cli.show.tables import Column, print_table, show_length
 from cgroup.cli.show.terminal import print_clouds, print_facts, print_files, show_stages
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.io._files import check_outputs
 from cgroup.io._results import Results
 from cgroup.registration import recognize
+from cgroup.registration.motions import say_direction
+from cgroup.rigid import apply, axis_of, rotation_error
+
+if TYPE_CHECKING:
+    from cgroup.types import FloatArray, RealArray
 
 _COLUMNS = (
     Column("model", is_text=True),
@@ -46,11 +55,19 @@ def _print_models(document: Document, *, wide: bool) -> None:
             rows.append((name, which, *numbers))
     print_table(_COLUMNS, rows, wide=wide)
     if results["found"]:
+        print_facts(*((Path(one["file"]).stem, _say_place(one)) for one in results["found"]))
         print_facts(
-            ("voxel", f"{results['voxel']:.4g} (in the files' unit, as the residual)"),
+            ("voxel", f"{results['voxel']:.4g} (in the files' unit, as all lengths)"),
             ("time", f"{results['seconds']:.2f} s"),
         )
         print_files(document)
+
+
+def _say_place(one: Document) -> str:
+    """Return where the middle of a model is in the scene, and how the model is turned."""
+    pose, middle = np.array(one["T_target_source"]), ", ".join(show_length(value) for value in one["middle"])
+    turn = f"{rotation_error(pose, np.eye(4)):.3g} degrees about the axis {say_direction(axis_of(pose))}"
+    return f"its middle at ({middle}), turned by {turn}"
 
 
 @command(
@@ -138,6 +155,7 @@ def recognize_command(
             "model": name,
             "file": pose.name,
             "T_target_source": one.T_target_source,
+            "middle": apply(one.T_target_source, _middle(clouds[name].points)[None])[0],
             "probability": one.probability,
             "fitness": one.fitness,
             "inlier_rmse": one.inlier_rmse,
@@ -164,6 +182,11 @@ def recognize_command(
         message = f"none of the models was found in {scene.name}{'' if viewpoint else hint}"
         raise NoConsensusError(message)
     return said
+
+
+def _middle(points: RealArray) -> FloatArray:
+    """Return the middle of the box around points, (3,)."""
+    return (in_double(points.min(axis=0)) + in_double(points.max(axis=0))) / 2
 
 
 def _stem(model: Path, scene: Path, copy: int) -> str:

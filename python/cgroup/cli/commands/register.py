@@ -137,7 +137,7 @@ def placement_facts(done: Document, middle: Sequence[float]) -> list[tuple[str, 
     shares = [f"{100 * done[name]:.0f} %" for name in ("fitness", "target_fitness")]
     deviations = f"{done['deviation_deg']:.2g} degrees, and {show_length(done['deviation'], 2)} at the middle"
     known = f", known to {100 * done['scale_deviation']:.1g} %" if "scale_deviation" in done else ""
-    caveat = "one standard deviation, of noise and shape alone: a scan that is bent adds to it"
+    caveat = "computed from noise and shape alone, and not calibrated: other errors come on top"
     return [
         ("pose", f"{turned}, {moved}"),
         *([("scale", f"{scale:.5g} (the source's unit in the target's){known}")] if scale != 1.0 else []),
@@ -367,7 +367,8 @@ def assess_command(
             progress=begin,
         )
     if not done.ok:
-        message = f"the pose can't be trusted: {done.notes[0]}"
+        look = "to see what registration finds from it: cgroup register SOURCE TARGET --initial POSE --html"
+        message = f"the pose can't be trusted: {done.notes[0]}; {look}"
         raise _refused(message, registration_results(done))
     return {
         "inputs": describe_pair((source, target), clouds),
