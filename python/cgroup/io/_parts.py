@@ -12,7 +12,7 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Generator
     from pathlib import Path
 
 _IS_WINDOWS = sys.platform == "win32"
@@ -53,7 +53,7 @@ def replace_whole(path: Path, content: bytes, ready: Callable[[], object]) -> No
 
 
 @contextmanager
-def folder_made_whole(folder: Path) -> Iterator[Path]:
+def folder_made_whole(folder: Path) -> Generator[Path]:
     """Return an empty folder that takes the place of a new one where the block ends without an error.
 
     Its part holds a locked file as long as its process lives, for `remove_dead_parts`.

@@ -58,12 +58,12 @@ def find_parts(points: FloatArray, voxel: float) -> tuple[IndexArray, IndexArray
 
 def _label_neighbors(cells: IndexArray) -> IndexArray:
     """Return the least row of the cells (n,3), each once, that each is linked with by neighbours."""
-    shape = cells.max(axis=0) + 3
-    numbers = np.ravel_multi_index(tuple((cells + 1).T), tuple(shape))  # ascending
-    steps = [step for step in product((-1, 0, 1), repeat=3) if step > (0, 0, 0)]
+    _, height, depth = cells.max(axis=0) + 3
+    strides = np.array((height * depth, depth, 1))
+    numbers = (cells + 1) @ strides  # ascending
     pairs = []
-    for step in steps:
-        sought = numbers + (step[0] * shape[1] + step[1]) * shape[2] + step[2]
+    for step in (step for step in product((-1, 0, 1), repeat=3) if step > (0, 0, 0)):
+        sought = numbers + strides @ step
         rows = np.minimum(np.searchsorted(numbers, sought), len(numbers) - 1)
         found = np.flatnonzero(numbers[rows] == sought)
         pairs.append(np.column_stack([found, rows[found]]))

@@ -67,8 +67,8 @@ voxels has a normal; a diagonal has more voxels than the last."""
 _FEW_POINTS, _FINER_OF_FEW = 300, 0.5
 """Points of a cloud below which voxels begin finer, and by how much: else too few are left."""
 
-_MOST_BLOCKS, _BLOCK = 2**29, 8 * UNIT
-"""Blocks of a surface's box (half of those allowed), and the edge of one, in voxels."""
+_MOST_BLOCKS, _MOST_ALONG, _BLOCK = 2**29, 2**16, 8 * UNIT
+"""Blocks of a surface's box, and along its edge: half of those allowed; and the edge of one, in voxels."""
 
 _LEAST_OF_EACH, _SIZES_DIFFER = 1000, 2.0
 """Voxels that a cloud gets which is smaller than another, and how much smaller it then is."""
@@ -723,7 +723,7 @@ def _least_voxel(scan: Scan) -> float:
     """Return the voxel at which the box of a scan has as many blocks as that of a surface may have."""
     points = scan.cloud.points
     sides = in_double(points.max(axis=0)) - in_double(points.min(axis=0))
-    voxel = float(sides.max()) / _BLOCK / _MOST_BLOCKS
+    voxel = float(sides.max()) / _BLOCK / _MOST_ALONG
     while np.prod(np.floor(sides / (_BLOCK * voxel)) + 3) > _MOST_BLOCKS:
         voxel *= _COARSER
     return voxel

@@ -28,8 +28,8 @@ const PART: usize = 4;
 /// for rounding.
 const PART_RADIUS: f32 = 3.0;
 
-/// Blocks along an axis of the box, whose cells are numbered in `i32`.
-const MOST_BLOCKS_ALONG: f64 = (1 << 24) as f64;
+/// Blocks along an axis of the box: in `f32` places are then known to a sixteenth of a cell.
+const MOST_BLOCKS_ALONG: f64 = (1 << 17) as f64;
 /// Blocks of the box: 64 MiB of pages.
 const MOST_BLOCKS_IN_BOX: f64 = (1 << 30) as f64;
 /// Entries of a page of the table of blocks.
