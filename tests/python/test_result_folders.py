@@ -270,6 +270,15 @@ def start_writing(script: str, path: Path) -> subprocess.Popen[str]:
     return process
 
 
+def end_all(*processes: subprocess.Popen[str]) -> None:
+    """Kill processes, and close what they print to."""
+    for process in processes:
+        process.kill()
+        process.wait()
+        assert process.stdout is not None
+        process.stdout.close()
+
+
 @POSIX
 def test_parts_of_killed_runs_are_removed_and_those_of_living_ones_stay(
     folder: Path, capsys: Capture
@@ -291,11 +300,7 @@ def test_parts_of_killed_runs_are_removed_and_those_of_living_ones_stay(
         assert len(left & {part.name for part in parts}) == 1
         assert left > {".cgroup-notes.txt", ".cgroup-folder.part", ".cgroup-link.part", ".cgroup-pipe.part"}
     finally:
-        for process in (dead, alive):
-            process.kill()
-            process.wait()
-            assert process.stdout is not None
-            process.stdout.close()
+        end_all(dead, alive)
     succeed(capsys, *COMMANDS["group"])
     assert not {*out.glob(".cgroup-*.part")} & parts
 
@@ -323,11 +328,7 @@ def test_parts_of_killed_folders_are_removed_and_those_of_living_ones_stay(tmp_p
         assert len([*tmp_path.glob(".cgroup-*.part/*/points.npy")]) == 1
         assert (tmp_path / ".cgroup-mine.part").is_dir()
     finally:
-        for process in (dead, alive):
-            process.kill()
-            process.wait()
-            assert process.stdout is not None
-            process.stdout.close()
+        end_all(dead, alive)
 
 
 @POSIX

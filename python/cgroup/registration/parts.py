@@ -1,4 +1,4 @@
-"""Poses that lay small separate parts of two clouds on each other, by their places alone."""
+"""Poses that align the centres of small separate parts of two clouds."""
 
 from __future__ import annotations
 

@@ -64,7 +64,7 @@ _SPARSE, _USUAL_PLANES, _COARSER, _LEAST_ACROSS = 2000, 0.9, 2**0.25, 5.0
 """Points below which a voxel chosen by number may be too small. It grows in such steps until a share of the
 voxels has a normal; a diagonal has more voxels than the last."""
 
-_FEW_POINTS, _FINER_OF_FEW = 300, 0.5
+FEW_POINTS, _FINER_OF_FEW = 300, 0.5
 """Points of a cloud below which voxels begin finer, and by how much: else too few are left."""
 
 _MOST_BLOCKS, _MOST_ALONG, _BLOCK = 2**29, 2**16, 8 * UNIT
@@ -693,7 +693,7 @@ def _choose_voxel(scans: Sequence[Scan], voxel: float | None, threads: int | Non
     """Return the voxel given, or one that suits all scans: the sparsest, and the widest."""
     if voxel is not None:
         return as_length("voxel", voxel)
-    few = min(len(scan.cloud) for scan in scans) < _FEW_POINTS
+    few = min(len(scan.cloud) for scan in scans) < FEW_POINTS
     return suit_all(scans, _choose_by_number(scans, threads) * (_FINER_OF_FEW if few else 1.0), threads)
 
 

@@ -31,7 +31,7 @@ from cgroup.registration.matching import frame_poses, match_both_ways, propose_p
 from cgroup.registration.own import describe_voxels, match_nothing
 from cgroup.registration.paper_front import correspond_by
 from cgroup.registration.parts import propose_by_parts
-from cgroup.registration.prepare import fine_surfaces
+from cgroup.registration.prepare import FEW_POINTS, fine_surfaces
 from cgroup.registration.rivals import propose_rivals
 from cgroup.registration.similarity import compare_scales
 from cgroup.rigid import invert
@@ -66,7 +66,6 @@ FIRST_SAMPLES = 500
 MAX_TILT = 10.0
 """Degrees by which a pose may tilt an axis that both clouds share."""
 
-_FEW_POINTS = 300
 _FINER, _OF_FEW = ((2**-0.5, 3),), ((1.25, 1), (0.8, 1))
 """Voxels, in those before, and the neighbours that each is matched with: where more effort is asked for, and
 for clouds of few points, which leave it to chance at which voxel the pose is found."""
@@ -134,7 +133,7 @@ class Search:
             matches = correspond_by(self.front, *clouds, places, self.threads, self.clock.start)
             return self._search_matches(source, target, matches)
         best = self._search_voxels(source, target, 1)
-        is_small = min(len(scan.scan.cloud) for scan in (source, target)) < _FEW_POINTS
+        is_small = min(len(scan.scan.cloud) for scan in (source, target)) < FEW_POINTS
         levels = _OF_FEW if is_small and self.effort != "low" else ()
         for factor, k in (*levels, *(_FINER if self.effort == "high" else ())):
             if best is not None and is_accepted(best.probability):
