@@ -446,3 +446,12 @@ def test_st_takes_the_lowest_index_without_affinities(eigensolver: str, recomput
     target = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.01, 0.0, 0.0]])
     options = {"eigensolver": eigensolver, "recompute": recompute}
     compare("st", replace(plain, source=source, target=target), options)
+
+
+def test_lc_takes_equal_noises_alike() -> None:
+    """Two radii have 12 and 12 of 14 supporters: the numbers of false alarms are equal but for rounding."""
+    rng = np.random.default_rng(19066610)
+    problem = make_problem(
+        rng, 15, inlier_ratio=0.9, noise=3.0, repeated_targets=0.0, random_frames=0.0, frame_error=20.0
+    )
+    compare("lc", problem, {"source_lrf": Field("source_lrf", None), "target_lrf": Field("target_lrf", None)})

@@ -15,6 +15,10 @@ const ENOUGH: usize = 200;
 /// Squared residuals are compared in units of this share of `apart` squared: where all fit exactly, rounding says nothing.
 const TIE: f64 = 1e-12;
 
+/// Numbers of false alarms that differ by less than this share are equal: counts make them so, and rounding must not
+/// tell them apart.
+pub const EQUAL: f64 = 1e-9;
+
 /// Matches that fix a pose.
 const MINIMAL: usize = 3;
 
@@ -75,6 +79,11 @@ pub fn precise_false_alarms(n: usize, supporters: usize, chance: f64) -> f64 {
 pub fn ln_false_alarms(n: usize, supporters: usize, chance: f64) -> f64 {
     let (logarithm, sum) = poisson_tail(supporters.saturating_sub(MINIMAL), chance);
     3.0 * (n as f64).ln() - 6.0_f64.ln() + logarithm + sum.ln()
+}
+
+/// Whether a number of false alarms is less than another, by more than rounding.
+pub fn is_fewer(one: f64, other: f64) -> bool {
+    one < (1.0 - EQUAL) * other
 }
 
 /// `P(Poisson(mean) >= least)`, or 1 where the mean is no less: a factor's logarithm, and the other factor.

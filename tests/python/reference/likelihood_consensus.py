@@ -112,6 +112,7 @@ STARS = 300
 PAIRS = 3
 ENOUGH = 200
 TIE = 1e-12
+EQUAL_ALARMS = 1e-9
 REFLECTIONS = 10
 MOST_ALARMS = 0.01
 RADII = 11
@@ -278,7 +279,7 @@ class Attempt(NamedTuple):
         other = found[0]
         if max(self.expected, other.expected) * tried < MOST_ALARMS:
             return self.ranked[0].score > other.ranked[0].score
-        return self.expected < other.expected
+        return is_fewer(self.expected, other.expected)
 
 
 Look = Callable[[float, float], Attempt]
@@ -387,7 +388,7 @@ def at_known_scale(look: Look, lengths: list[float], *, told: bool, turns: Float
         if told:
             is_better = other.expected * tried < MOST_ALARMS and is_near(found, other)
         else:
-            is_better = other.expected < found.expected
+            is_better = is_fewer(other.expected, found.expected)
         if is_better and told and is_narrow(found):
             found = found._replace(expected=other.expected)
         elif is_better:
@@ -530,7 +531,7 @@ def refined_by_noise(model: Model, pose: Pose) -> tuple[Pose, float]:
             least = max(0, int(np.floor(share * len(rows) + 0.5)) - 3)
             tail = 0.0 if least <= chance else logsumexp(poisson.logpmf(least + np.arange(300), chance))
             tried[step] = 3.0 * np.log(len(squares)) - np.log(6.0) + tail, fitted
-        best = min(tried, key=lambda k: (tried[k][0], abs(k)))
+        best = min(tried, key=lambda k: (np.round(tried[k][0] / EQUAL_ALARMS), abs(k)))
     return tried[best][1], 2.7 * 2.0 ** (best / 2)
 
 
@@ -649,6 +650,10 @@ def alarms(model: Model, one: Ranked, taken: BoolArray) -> float:
     least = max(0, kept - 3)
     tail = 1.0 if least <= chance else float(poisson.sf(least - 1, chance))
     return n**3 / 6.0 * tail
+
+
+def is_fewer(one: float, other: float) -> bool:
+    return one < (1.0 - EQUAL_ALARMS) * other
 
 
 def equalled(model: Model, ranked: list[Ranked], found: list[IntArray]) -> bool:

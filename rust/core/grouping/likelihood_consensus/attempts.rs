@@ -15,6 +15,7 @@ use super::{
     Answer, CHANCE, DEVIATION, Joined, LikelihoodConsensus, MOST_VERTICES, Problem, REACH, SEEDS, Scale,
     frames, noise,
 };
+use crate::consensus::false_alarms::is_fewer;
 use crate::consensus::likelihood::Likelihood;
 use crate::consensus::likelihood::levels::levels;
 use crate::consensus::modes::displacement;
@@ -70,7 +71,7 @@ impl LikelihoodConsensus {
             let is_better = if is_told {
                 other.is_sure(tried) && found.is_near(&other)
             } else {
-                other.false_alarms < found.false_alarms
+                is_fewer(other.false_alarms, found.false_alarms)
             };
             if is_better && is_told && found.is_narrow()? {
                 found.false_alarms = other.false_alarms;

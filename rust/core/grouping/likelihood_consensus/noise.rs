@@ -6,7 +6,7 @@
 
 use super::confidence::APART;
 use super::{DEVIATION, GROUP, Problem};
-use crate::consensus::false_alarms::{independent, ln_false_alarms};
+use crate::consensus::false_alarms::{EQUAL, independent, ln_false_alarms};
 use crate::consensus::landing::landings;
 use crate::consensus::likelihood::Likelihood;
 use crate::consensus::modes::annealed;
@@ -57,8 +57,9 @@ pub fn refined(problem: &Problem<'_>, likelihood: &Likelihood, pose: &Rigid) -> 
         memory::reserve(&mut tried, found.len())?;
         tried.extend(found.into_iter().flatten());
         // Of equal ones, the one nearest to what was given.
+        let rounded = |trial: &Trial| (trial.value / EQUAL).round();
         let order =
-            |a: &&Trial, b: &&Trial| a.value.total_cmp(&b.value).then(a.step.abs().cmp(&b.step.abs()));
+            |a: &&Trial, b: &&Trial| rounded(a).total_cmp(&rounded(b)).then(a.step.abs().cmp(&b.step.abs()));
         best = tried.iter().min_by(order).map_or(0, |trial| trial.step);
     }
     let found = tried.into_iter().find(|trial| trial.step == best);

@@ -11,6 +11,7 @@ use rayon::prelude::*;
 
 use super::confidence::MOST_FALSE_ALARMS;
 use super::{CHANCE, DEVIATION, LikelihoodConsensus, Problem, REACH, frames, noise};
+use crate::consensus::false_alarms::is_fewer;
 use crate::consensus::likelihood::Likelihood;
 use crate::consensus::likelihood::levels::levels;
 use crate::error::Error;
@@ -159,7 +160,7 @@ impl LikelihoodConsensus {
                     score > best.score
                 } else {
                     let is_open = k == 0 || given.resolution().is_none();
-                    false_alarms < best.false_alarms && (is_open || is_sure(false_alarms))
+                    is_fewer(false_alarms, best.false_alarms) && (is_open || is_sure(false_alarms))
                 };
                 if is_better {
                     best = Trial { scale, tolerance, false_alarms, score };
