@@ -6,10 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_lines import succeed
+from e57_files import FLOAT, e57
 
 from cgroup.datasets import standin_pair
 from cgroup.io import write_cloud
 from cgroup.io._attributes import unkept_attributes
+
+E57_FIELDS = ("cartesianX", "cartesianY", "cartesianZ", "intensity", "timeStamp", "colorRed")
 
 
 def ply_of(points: np.ndarray, *names: str) -> bytes:
@@ -28,7 +31,16 @@ def ply_of(points: np.ndarray, *names: str) -> bytes:
         ("c.las", bytes(104) + b"\x06" + bytes(200), None),
         ("d.laz", bytes(104) + b"\x80" + bytes(200), None),
         ("e.bin", bytes(16), ["reflectance"]),
-        ("f.xyz", b"0 0 0 7\n", []),
+        ("f.xyz", b"0 0 0 7\n1 0 0 7\n", ["column 4"]),
+        ("f.txt", b"# a note\n0 0 0\n1 0 0\n", []),
+        ("f.csv", b"x,y,z,nx,ny,nz,Intensity\n0,0,0,0,0,1,7\n", ["Intensity"]),
+        ("f.asc", b"//X Y Z Scalar\n0 0 0 7\n", ["Scalar"]),
+        ("f.xyzn", b"0 0 0 0 0 1\n", []),
+        ("f.pts", b"1\n0 0 0 7 1 2 3\n", ["intensity"]),
+        ("g.pts", b"1\n0 0 0 1 2 3\n", []),
+        ("h.e57", e57(({**dict.fromkeys(E57_FIELDS, (FLOAT, [0.0]))}, "")), ["intensity", "timeStamp"]),
+        ("i.e57", e57(({**dict.fromkeys(E57_FIELDS, (FLOAT, [0.0]))}, ""))[:600], []),
+        ("j.e57", b"ASTM-E57", []),
         ("g.las", b"", None),
         ("h.ply", b"element", []),
     ],

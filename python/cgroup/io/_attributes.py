@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from cgroup.io._e57 import unread_fields
 from cgroup.io._files import printable
 
 if TYPE_CHECKING:
@@ -20,6 +22,10 @@ _KEPT = {
 _LAS = ("intensity", "returns", "classification", "scan angle", "user data", "point source")
 _WITHOUT_TIME, _WITH_NEAR_INFRARED, _WITH_WAVES = {0, 2}, {8, 10}, {4, 5, 9, 10}
 """Point formats of LAS."""
+
+
+_TEXTS = {".xyz": 3, ".asc": 3, ".txt": 3, ".csv": 3, ".xyzn": 6, ".xyzrgb": 6, ".pts": 3}
+"""Columns that are read where a line of names is missing."""
 
 
 def unkept_attributes(path: str | os.PathLike[str]) -> list[str]:
@@ -38,7 +44,8 @@ def unkept_attributes(path: str | os.PathLike[str]) -> list[str]:
     fixed = {".bin": ["reflectance"], ".ptx": ["intensity"]}.get(suffix)
     if fixed is not None:
         return fixed
-    lines = [line.split() for line in head.decode("latin-1").splitlines()]
+    text = head.decode("latin-1")
+    lines = [line.split() for line in text.splitlines()]
     names: list[str] = []
     if suffix == ".pcd":
         names = next((line[1:] for line in lines if line[:1] in (["FIELDS"], ["COLUMNS"])), [])
@@ -49,4 +56,20 @@ def unkept_attributes(path: str | os.PathLike[str]) -> list[str]:
                 break
             element = line[1] if line[:1] == ["element"] and len(line) > 1 else element
             names += [line[-1]] if line[:1] == ["property"] and element == "vertex" else []
+    elif suffix == ".e57":
+        names = unread_fields(Path(path))
+    elif suffix in _TEXTS:
+        names = _columns_of(text, suffix)
     return [printable(name) for name in names if name.lower() not in _KEPT][:_MOST_NAMED]
+
+
+def _columns_of(text: str, suffix: str) -> list[str]:
+    """Return the names of the columns of a text; numbers of those that have no name and are not read."""
+    rows = [re.split(r"[\s,;]+", line.strip().lstrip("#/").strip()) for line in text.splitlines()]
+    rows = [row for row in rows if len(row) >= 3]
+    if rows and {"x", "y", "z"} <= {name.lower() for name in rows[0]}:
+        return rows[0]
+    count = len(rows[-2 if len(rows) > 1 else -1]) if rows else 0  # the last row may be cut
+    if suffix == ".pts":  # x y z, intensity, r g b
+        return ["intensity"] if count in (4, 7) else []
+    return [f"column {number}" for number in range(_TEXTS[suffix] + 1, count + 1)]

@@ -16,6 +16,7 @@ from cgroup.io.transforms import from_quaternions
 from cgroup.rigid import apply
 
 if TYPE_CHECKING:
+    from pathlib import Path
     from xml.etree.ElementTree import Element
 
     from numpy.typing import NDArray
@@ -72,6 +73,26 @@ def parse_e57(content: bytes) -> CloudContent:
             message = "its scans overlap in the file"
             raise InputError(message)
         return join([scan.read() for scan in scans])
+
+
+def unread_fields(path: Path) -> list[str]:
+    """Return the names of the fields that `parse_e57` does not read; none of a damaged file."""
+    with path.open("rb") as file:
+        address, length = struct.unpack("<QQ", file.read(40)[24:].ljust(16, b"\0"))
+        first = address // _PAGE
+        file.seek(min(first * _PAGE, path.stat().st_size))
+        pages = file.read(min(length, _LONGEST_XML) * _PAGE // _USED + 2 * _PAGE)
+    used = b"".join(pages[place : place + _USED] for place in range(0, len(pages), _PAGE))
+    text = used[address % _PAGE :][:length]
+    if b"<!DOCTYPE" in text:
+        return []
+    try:
+        root = ET.fromstring(text.decode())  # noqa: S314 - as in `_description`
+    except (ET.ParseError, UnicodeDecodeError):
+        return []
+    scans = [_child(entry, "points") for entry in _children(root, "data3D")]
+    names = [_name(leaf) for points in scans if points is not None for leaf in _children(points, "prototype")]
+    return [name for name in dict.fromkeys(names) if name not in _TAKEN]
 
 
 def _checked_pages(content: bytes) -> bytes:
