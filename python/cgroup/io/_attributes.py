@@ -25,7 +25,9 @@ _WITHOUT_TIME, _WITH_NEAR_INFRARED, _WITH_WAVES = {0, 2}, {8, 10}, {4, 5, 9, 10}
 
 
 _TEXTS = {".xyz": 3, ".asc": 3, ".txt": 3, ".csv": 3, ".xyzn": 6, ".xyzrgb": 6, ".pts": 3}
-"""Columns that are read where a line of names is missing."""
+"""Columns that are read if no line has names; those of PTS depend on their number."""
+
+_COMMENTS, _LEAST_COLUMNS = ("#", "//"), 3
 
 
 def unkept_attributes(path: str | os.PathLike[str]) -> list[str]:
@@ -34,6 +36,7 @@ def unkept_attributes(path: str | os.PathLike[str]) -> list[str]:
     try:
         with Path(path).open("rb") as file:
             head = file.read(_HEAD)
+            fields = unread_fields(file) if suffix == ".e57" else []
     except OSError:  # it is gone since it was read
         return []
     if suffix in (".las", ".laz"):
@@ -45,6 +48,10 @@ def unkept_attributes(path: str | os.PathLike[str]) -> list[str]:
     if fixed is not None:
         return fixed
     text = head.decode("latin-1")
+    if suffix in _TEXTS:
+        fields = _unread_columns(text, suffix)
+    if fields:
+        return [printable(name) for name in fields][:_MOST_NAMED]
     lines = [line.split() for line in text.splitlines()]
     names: list[str] = []
     if suffix == ".pcd":
@@ -56,20 +63,37 @@ def unkept_attributes(path: str | os.PathLike[str]) -> list[str]:
                 break
             element = line[1] if line[:1] == ["element"] and len(line) > 1 else element
             names += [line[-1]] if line[:1] == ["property"] and element == "vertex" else []
-    elif suffix == ".e57":
-        names = unread_fields(Path(path))
-    elif suffix in _TEXTS:
-        names = _columns_of(text, suffix)
     return [printable(name) for name in names if name.lower() not in _KEPT][:_MOST_NAMED]
 
 
-def _columns_of(text: str, suffix: str) -> list[str]:
-    """Return the names of the columns of a text; numbers of those that have no name and are not read."""
-    rows = [re.split(r"[\s,;]+", line.strip().lstrip("#/").strip()) for line in text.splitlines()]
-    rows = [row for row in rows if len(row) >= 3]
-    if rows and {"x", "y", "z"} <= {name.lower() for name in rows[0]}:
-        return rows[0]
-    count = len(rows[-2 if len(rows) > 1 else -1]) if rows else 0  # the last row may be cut
+def _unread_columns(text: str, suffix: str) -> list[str]:
+    """Return the columns of a text that are not read: their names if a line has names, else their numbers."""
+    rows = [row.strip() for row in text.splitlines()]
+    comments = [row.lstrip("#/") for row in rows if row.startswith(_COMMENTS)]
+    points = [
+        row for row in rows if not row.startswith(_COMMENTS) and len(_numbers_of(row)) >= _LEAST_COLUMNS
+    ]
+    first = points[0] if points else ""
+    if _has_axes(_names_of(first)):
+        return [name for name in _names_of(first) if name.lower() not in _KEPT]
+    count = len(_numbers_of(first))
     if suffix == ".pts":  # x y z, intensity, r g b
         return ["intensity"] if count in (4, 7) else []
-    return [f"column {number}" for number in range(_TEXTS[suffix] + 1, count + 1)]
+    named = [_names_of(row) for row in comments]
+    names = next((row for row in named if len(row) == count and _has_axes(row)), None)
+    return (names or [f"column {number}" for number in range(1, count + 1)])[_TEXTS[suffix] :]
+
+
+def _has_axes(names: list[str]) -> bool:
+    return {"x", "y", "z"} <= {name.lower() for name in names}
+
+
+def _names_of(row: str) -> list[str]:
+    separator = next((each for each in ",;\t" if each in row), None)
+    return [name.strip().strip('"') for name in row.split(separator)]
+
+
+def _numbers_of(row: str) -> list[str]:
+    """Return the fields of a line; commas are decimal where white space or semicolons separate the fields."""
+    is_decimal = re.search(r"[\s;]", row) and not re.search(r",\s", row)
+    return re.findall(r"[^\s;]+" if is_decimal else r"[^\s,;]+", row)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import struct
 from collections import Counter
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, BinaryIO, NamedTuple
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -16,7 +17,6 @@ from cgroup.io.transforms import from_quaternions
 from cgroup.rigid import apply
 
 if TYPE_CHECKING:
-    from pathlib import Path
     from xml.etree.ElementTree import Element
 
     from numpy.typing import NDArray
@@ -27,6 +27,7 @@ _PAGE, _USED = 1024, 1020  # bytes of a page, and of these before its checksum
 _PAGES = 4096  # whose checksums are computed at a time
 _RECORDS = 1 << 20  # unpacked at a time
 _LONGEST_XML = 16 << 20
+_XML_PLACE = 24  # of its address and length in the header
 _DATA_PACKET = 1
 
 _CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
@@ -75,20 +76,16 @@ def parse_e57(content: bytes) -> CloudContent:
         return join([scan.read() for scan in scans])
 
 
-def unread_fields(path: Path) -> list[str]:
+def unread_fields(file: BinaryIO) -> list[str]:
     """Return the names of the fields that `parse_e57` does not read; none of a damaged file."""
-    with path.open("rb") as file:
-        address, length = struct.unpack("<QQ", file.read(40)[24:].ljust(16, b"\0"))
-        first = address // _PAGE
-        file.seek(min(first * _PAGE, path.stat().st_size))
-        pages = file.read(min(length, _LONGEST_XML) * _PAGE // _USED + 2 * _PAGE)
+    file.seek(_XML_PLACE)
+    address, length = struct.unpack("<QQ", file.read(16).ljust(16, b"\0"))
+    file.seek(min(address // _PAGE * _PAGE, file.seek(0, os.SEEK_END)))
+    pages = file.read(min(length, _LONGEST_XML) * _PAGE // _USED + 2 * _PAGE)
     used = b"".join(pages[place : place + _USED] for place in range(0, len(pages), _PAGE))
-    text = used[address % _PAGE :][:length]
-    if b"<!DOCTYPE" in text:
-        return []
     try:
-        root = ET.fromstring(text.decode())  # noqa: S314 - as in `_description`
-    except (ET.ParseError, UnicodeDecodeError):
+        root = _parse_xml(used[address % _PAGE :][:length])
+    except (InputError, ET.ParseError, UnicodeDecodeError):
         return []
     scans = [_child(entry, "points") for entry in _children(root, "data3D")]
     names = [_name(leaf) for points in scans if points is not None for leaf in _children(points, "prototype")]
@@ -142,12 +139,16 @@ def _logical(address: int) -> int:
 
 def _description(data: bytes, content: bytes) -> Element:
     """Return the root of the XML."""
-    address, length = struct.unpack_from("<QQ", content, 24)
+    address, length = struct.unpack_from("<QQ", content, _XML_PLACE)
     start = _logical(address)
     text = data[start : start + length]
     if len(text) < length or length > _LONGEST_XML:
         message = f"a description of {length} bytes"
         raise InputError(message)
+    return _parse_xml(text)
+
+
+def _parse_xml(text: bytes) -> Element:
     if b"<!DOCTYPE" in text:  # what entities stand for could be of any size
         message = "its description has a document type, which E57 has not"
         raise InputError(message)

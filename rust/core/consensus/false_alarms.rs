@@ -15,8 +15,8 @@ const ENOUGH: usize = 200;
 /// Squared residuals are compared in units of this share of `apart` squared: where all fit exactly, rounding says nothing.
 const TIE: f64 = 1e-12;
 
-/// Numbers of false alarms that differ by less than this share are equal: counts make them so, and rounding must not
-/// tell them apart.
+/// Numbers of false alarms that differ by less than this share are equal: equal counts give them, and rounding must not
+/// decide between them.
 pub const EQUAL: f64 = 1e-9;
 
 /// Matches that fix a pose.

@@ -72,6 +72,8 @@ has (the best in any case), whose group shares less than 0.3 (intersection over 
 
 Decisions where the description is open
 ---------------------------------------
+* Numbers of false alarms that differ by less than 1e-9 of their size are equal: the radius nearest to the first one, and the
+  tolerance or scale that was tried first, are kept.
 * Edges are ranked by (common neighbours descending, i, j); an edge without any is none. Of the common neighbours
   of an edge the 256 of the lowest index are candidates; ties in growing go to the lowest index.
 * A clique that was grown before is skipped, and so is one on a line on either side: its second singular value is
