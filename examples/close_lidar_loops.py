@@ -2,9 +2,8 @@
 Close the loops of a LiDAR drive
 ================================
 
-A car drives down a street and back, and its odometry drifts. Which of its scans show the same place, and how
-do they lie to each other? `register_all` finds the loops, and with them the poses of all scans. The street is
-generated: boxes, seen by a scanner in software.
+A car drives down a street and back, and its odometry drifts. `register_all` finds pairs of scans of the same
+place (loops) and estimates the poses of all scans. The street and the scans are generated.
 """
 
 from itertools import pairwise
@@ -19,14 +18,14 @@ from cgroup.scenes import register_all
 # %%
 # A street and a scanner
 # ----------------------
-# Houses, cars and poles are boxes; a ray ends where it first enters one, or on the ground.
+# Houses, cars and poles are boxes. A ray ends at the first box, or on the ground.
 
 rng = np.random.default_rng(4)
 
 
 def boxes_of_a_street() -> np.ndarray:
-    """(k,2,3): opposite corners of houses, cars and poles."""
-    kinds = (  # how many, distance from the middle of the street, least and greatest half sizes
+    """Return opposite corners of houses, cars and poles, (k,2,3)."""
+    kinds = (  # count, distance from the middle of the street, smallest and largest half sizes
         (24, (14, 20), (4, 4, 2.5), (6, 7, 7)),
         (24, (4, 6), (0.8, 1.8, 0.7), (1.1, 2.6, 1.0)),
         (24, (7, 8), (0.1, 0.1, 2), (0.2, 0.2, 4)),
@@ -43,7 +42,7 @@ def boxes_of_a_street() -> np.ndarray:
 
 
 def scan(boxes: np.ndarray, T_world_scanner: np.ndarray) -> np.ndarray:
-    """(N,3): what a scanner with 32 beams sees, in its own frame."""
+    """Return the scan of a 32-beam scanner in its own frame, (N,3)."""
     azimuth, elevation = np.meshgrid(
         np.linspace(-np.pi, np.pi, 450, endpoint=False), np.radians(np.linspace(-20, 12, 32))
     )
@@ -63,7 +62,7 @@ def scan(boxes: np.ndarray, T_world_scanner: np.ndarray) -> np.ndarray:
 
 
 def pose(x: float, y: float, heading: float) -> np.ndarray:
-    """(4,4): where the scanner is, 1.8 m over the street."""
+    """Return the pose of the scanner, 1.8 m above the street, (4,4)."""
     cos, sin = np.cos(heading), np.sin(heading)
     return np.array([[cos, -sin, 0, x], [sin, cos, 0, y], [0, 0, 1, 1.8], [0, 0, 0, 1]])
 
@@ -77,8 +76,8 @@ print(f"{len(scans)} scans of about {len(scans[0]):,} points")
 # %%
 # Odometry
 # --------
-# Each step is off by half a degree and 30 centimetres, always to the same side. So the drive ends far from
-# where it should.
+# Each step has the same error of half a degree and 30 centimetres, so the end of the drive is far from its
+# true position.
 
 drift = invert(pose(0, 0, 0)) @ pose(0.3, 0.05, 0.01)
 odometry = [np.eye(4)]
@@ -88,9 +87,8 @@ for before, after in pairwise(drive):
 # %%
 # The scene
 # ---------
-# Scans that the odometry puts within 35 metres of each other may show the same place, and such pairs are
-# registered. The scanner stands at the origin of each scan, upright: both are told, since at low overlap
-# nothing helps more.
+# Pairs within 35 metres by the odometry may show the same place and are registered. The scanner is at the
+# origin of each scan, and its z axis is vertical. At low overlap `viewpoint` and `axis` help most.
 
 places = np.array(odometry)[:, :3, 3]
 pairs = [(i, j) for i in range(len(scans)) for j in range(i) if np.linalg.norm(places[i] - places[j]) < 35]
@@ -102,7 +100,7 @@ print(f"{scene.tried} pairs tried, {len(loops)} loops")
 true = invert(drive[0]) @ np.array(drive)
 for name, poses in (("odometry", np.array(odometry)), ("scene", scene.poses)):
     off = np.linalg.norm(poses[:, :3, 3] - true[:, :3, 3], axis=1)
-    print(f"{name}: {off.max():.2f} m off at most")
+    print(f"{name}: largest error {off.max():.2f} m")
 
 # %%
 # The map

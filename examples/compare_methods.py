@@ -2,7 +2,7 @@
 Compare all methods
 ===================
 
-Run all methods on the same matches, and judge each against the true pose.
+Run all methods on the same matches, and score each with the true pose.
 """
 
 from cgroup.comparison import compare, find_correct
@@ -21,7 +21,7 @@ for result in results:
     )
 
 # %%
-# What each selected, right matches in one colour and wrong ones in another:
+# The selection of each method, with correct and wrong matches in two colours:
 
 figure = comparison_figure(
     pair.source.points,

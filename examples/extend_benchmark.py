@@ -2,7 +2,7 @@
 Your own method in the benchmark
 ================================
 
-Run the benchmark with a method, a data set and a nuisance of one's own, next to the built-in ones.
+Add your own method, data set and nuisance to the benchmark.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ if TYPE_CHECKING:
 
 
 def closest_descriptors(correspondences: Correspondences, *, share: float = 0.2) -> np.ndarray:
-    """Select the given share of the matches, those whose descriptors are most alike: a method."""
+    """Select a fraction of the matches, those with the most similar descriptors: a method."""
     similarity = np.asarray(correspondences.similarity)
     return similarity >= np.quantile(similarity, 1 - share)
 
 
 def holes(pair: MatchingPair, level: float, rng: np.random.Generator) -> MatchingPair:
-    """Cut so many round holes into the target: a nuisance."""
+    """Cut `level` round holes into the target: a nuisance."""
     points = pair.target.points
     for center in rng.choice(points, size=int(level)):
         points = points[np.linalg.norm(points - center, axis=1) > 8.0]
@@ -42,7 +42,7 @@ def holes(pair: MatchingPair, level: float, rng: np.random.Generator) -> Matchin
 
 
 class MyScans(Dataset):
-    """Pairs of scans: a data set. Here generated, but `load` may read any files below the data root."""
+    """Pairs of scans: a data set. They are generated here; `load` may also read files below `root`."""
 
     name: ClassVar = "my-scans"
     title: ClassVar = "My scans"
@@ -55,11 +55,11 @@ class MyScans(Dataset):
         self.root = root
 
     def pair_names(self) -> list[str]:
-        """Name the pairs without loading any."""
+        """Return the names of all pairs."""
         return ["first", "second"]
 
     def load(self, name: str) -> MatchingPair:
-        """Make one pair."""
+        """Return one pair."""
         self.check_name(name)
         made = standin_pair(seed=self.pair_names().index(name), pixels=100, turn=20)
         return replace(made, name=name)
@@ -91,7 +91,7 @@ nuisance = "extend_benchmark:holes"
 levels = [0, 5, 10]
 """
 
-# Workers import this file too; only the process that was started by hand may run what follows.
+# Worker processes import this file too, so run the benchmark in the main process only.
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as folder:
         run(parse_config(CONFIG), Path(folder), workers=2)

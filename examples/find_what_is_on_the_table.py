@@ -2,8 +2,7 @@
 Models in a scene
 =================
 
-Which of four models are in a range scan, and where? The models are given as meshes; the scan is
-one view.
+Find four models in a range scan, with their poses. The models are meshes; the scan is one view.
 """
 
 import numpy as np
@@ -22,16 +21,16 @@ scene = pairs["stone0"].target
 # %%
 # The search
 # ----------
-# The scanner stood at the origin of the scene: what a model would hide from it speaks against the model.
+# The scanner is at the origin of the scene. Models that would hide observed points are rejected.
 
 found = recognize(models, scene, viewpoint=(0, 0, 0))
 for name, registration in found:
     error = np.abs(registration.T_target_source - pairs[name].T_target_source)[:3, 3].max()
-    print(f"{name}: probability {registration.probability:.2f}, {error:.2f} mm off")
+    print(f"{name}: probability {registration.probability:.2f}, error {error:.2f} mm")
 
 # %%
-# The scene, and the models where they were found
-# -----------------------------------------------
+# The scene and the found models
+# ------------------------------
 
 view = face_broadside(scene.points)
 figure = Figure(figsize=(8, 6), layout="constrained")

@@ -2,8 +2,8 @@
 Merge many scans
 ================
 
-Eight scans lie in a bag: four views of one stone, three of another, and one of a third. In which order, and
-which belong together, is not told. Where does each scan lie?
+Merge eight scans in random order: four views of one stone, three of another, and one of a third.
+`register_all` finds the scans that belong together, and their poses.
 """
 
 import numpy as np
@@ -14,14 +14,14 @@ from cgroup.rigid import invert
 from cgroup.scenes import register_all
 
 # %%
-# A bag of scans
-# --------------
-# Each view is an array of points in the scanner's own frame, with noise. True poses are known, since the
-# stones are generated.
+# The scans
+# ---------
+# Each view is an array of points with noise, in the scanner's frame. The stones are generated, so the true
+# poses are known.
 
 
 def views(seed: int, turns: tuple[int, ...]) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Scan a stone from several sides; return the pose of each scan in the frame of the first, too."""
+    """Return scans of a stone from several sides, and their poses in the frame of the first."""
     pairs = [standin_pair(seed=seed, turn=turn, pixels=80) for turn in turns]
     scans = [pairs[0].source.points, *(pair.target.points for pair in pairs)]
     return scans, [np.eye(4), *(invert(pair.T_target_source) for pair in pairs)]
@@ -37,7 +37,7 @@ print(", ".join(names))
 # %%
 # The scene
 # ---------
-# The scanner stood at the origin of each scan. What it saw through speaks against a pose.
+# The scanner is at the origin of each scan. Poses that put a surface into observed free space are rejected.
 
 scene = register_all(scans, names=names, viewpoint=(0, 0, 0))
 for rows in scene.components:
@@ -46,15 +46,15 @@ for note in scene.notes:
     print(note)
 
 # %%
-# How far it is right
-# -------------------
-# Poses of the two scenes are compared with the true ones, each in the frame of its first scan.
+# Errors
+# ------
+# Compare the poses of the two scenes with the true ones, each in the frame of its first scan.
 
 for rows in scene.components[:2]:
     true = np.array([stones[bag[row][0]][1][bag[row][1]] for row in rows])
     true = invert(true[0]) @ true
     off = [rotation_error(scene.poses[row], pose) for row, pose in zip(rows, true, strict=True)]
-    print(f"{names[rows[0]]} and {len(rows) - 1} more: off by {max(off):.2f} degrees at most")
+    print(f"{names[rows[0]]} and {len(rows) - 1} more: largest error {max(off):.2f} degrees")
 
 # %%
 # The merged scans, and the edges between them
@@ -67,7 +67,7 @@ figure = scene.plot()
 # %%
 # Files
 # -----
-# Poses, the pose graph and the merged cloud of the largest component; of another one with ``component=1``.
+# Poses, pose graph and merged cloud of the largest component; ``component=1`` selects the second.
 
 for file in ("poses.tum", "graph.g2o", "merged.ply"):
     scene.write(file)

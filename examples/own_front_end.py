@@ -2,7 +2,7 @@
 A front end of your own
 =======================
 
-Build the matches step by step: any step may be replaced by code of your own.
+Compute matches step by step. Replace any step by your own code.
 """
 
 import cgroup
@@ -46,8 +46,8 @@ correspondences = cgroup.Correspondences(
 group = cgroup.group(correspondences, "ransac", tolerance=3 * pr)
 
 # %%
-# How good is it?
-# ---------------
+# Score
+# -----
 
 correct = correct_matches(
     correspondences.source, correspondences.target, pair.T_target_source, tolerance=5 * pr

@@ -2,14 +2,13 @@
 Register two scans, and compare with their alignment
 ====================================================
 
-Two range scans of one side of an object, from 45 degrees apart: find the pose, see where the scans agree,
-and compare it with the alignment that came with them. The object is the Stanford bunny, or a generated stone
-where the bunny can't be downloaded.
+Register two range scans from 45 degrees apart, plot their agreement, and compare the pose with the published
+alignment. The object is the Stanford bunny, or a generated stone if the download fails.
 
-The bunny's scans are those of the Stanford Computer Graphics Laboratory, with thanks: the
-`Stanford 3D Scanning Repository <http://graphics.stanford.edu/data/3Dscanrep/>`_ gives them for research, and
-not for commercial use. They are downloaded once, into the folder ``out``; ``CGROUP_DATA`` names a folder that
-has them already, in ``stanford_views/bunny``.
+The scans are from the Stanford Computer Graphics Laboratory, with thanks: the
+`Stanford 3D Scanning Repository <http://graphics.stanford.edu/data/3Dscanrep/>`_ allows research, but no
+commercial use. They are downloaded once, into the folder ``out``. If ``CGROUP_DATA`` is a folder with
+``stanford_views/bunny``, it is used instead.
 """
 
 import hashlib
@@ -28,8 +27,7 @@ from cgroup.registration import register
 # %%
 # Get the scans
 # -------------
-# What arrives is compared with what this example was written with, by SHA-256. Without a network a generated
-# stone takes the bunny's place.
+# The download is checked by SHA-256. Without a network a generated stone replaces the bunny.
 
 ARCHIVE = "https://graphics.stanford.edu/pub/3Dscanrep/bunny.tar.gz"  # 5 MB
 FILES = {
@@ -40,7 +38,7 @@ FILES = {
 
 
 def download(folder: Path) -> None:
-    """Write two scans, and the file with their alignment, into a folder."""
+    """Download two scans and the file with their alignment into a folder."""
     with urllib.request.urlopen(ARCHIVE, timeout=60) as answer:
         content = answer.read()
     found = {}
@@ -48,7 +46,7 @@ def download(folder: Path) -> None:
         for name, expected in FILES.items():
             found[name] = archive.extractfile(f"bunny/data/{name}").read().replace(b"\r\n", b"\n")
             if hashlib.sha256(found[name]).hexdigest() != expected:
-                message = f"{name} isn't what it was"
+                message = f"{name} has changed"
                 raise OSError(message)
     folder.mkdir(parents=True)
     for name, text in found.items():
@@ -64,24 +62,24 @@ try:
     pair = open_dataset("stanford", root).load("bunny/bun000-bun045")
     names = "Two scans of the Stanford bunny"
 except (OSError, EOFError, KeyError, tarfile.TarError) as error:
-    print(f"{ARCHIVE} can't be read: {error}. A generated stone takes the bunny's place.")
+    print(f"{ARCHIVE} can't be read: {error}. A generated stone replaces the bunny.")
     pair = standin_pair()
     names = "Two scans of a stone"
 
 # %%
 # Find the pose
 # -------------
-# The scanner looked along -z of each scan, from far away. It is told by ``viewpoint``, or by
-# ``view_direction=(0, 0, -1)``: what it saw through then speaks against a pose.
+# The scanner looked along -z of each scan, from far away. Given its ``viewpoint``, or
+# ``view_direction=(0, 0, -1)``, poses that put a surface into observed free space are rejected.
 
 done = register(pair.source, pair.target, viewpoint=pair.source_viewpoint)
-print(f"Right with a probability of {done.probability:.3f}")
+print(f"Probability of a correct pose: {done.probability:.3f}")
 print(f"Overlap {100 * done.fitness:.0f} %, residual there {done.inlier_rmse:.2g}, in the scans' unit")
 
 # %%
-# See where the scans agree
-# -------------------------
-# Both scans are coloured by their distance to the other one. Grey is what only one of them saw.
+# Plot the agreement
+# ------------------
+# Both scans are coloured by their distance to the other one. Grey points are seen by one scan only.
 
 figure = registration_figure(
     pair.source.points,
@@ -93,18 +91,18 @@ figure = registration_figure(
 )
 
 # %%
-# Compare it with the alignment that came with the scans
-# ------------------------------------------------------
-# Stanford aligned all ten views at once; the two poses differ by about the noise of the scans.
+# Compare with the published alignment
+# ------------------------------------
+# Stanford aligned all ten views together. The two poses differ by about the noise of the scans.
 
 turn = rotation_error(done.T_target_source, pair.T_target_source)
 shift = translation_error(done.T_target_source, pair.T_target_source)
-print(f"Apart by {turn:.2f} degrees and {shift:.2g}; a voxel is {done.voxel:.2g}")
+print(f"Difference {turn:.2f} degrees and {shift:.2g}; a voxel is {done.voxel:.2g}")
 
 # %%
-# Turn them around
+# Interactive page
 # ----------------
-# The page is one file to open in a browser; its colours can be switched too.
+# The page is one file. Open it in a browser.
 
 Path("out").mkdir(exist_ok=True)
 write_page("out/registration.html", registration_page(pair.source, pair.target, done, title=names))

@@ -2,9 +2,9 @@
 Register two scans
 ==================
 
-Place one scan on another: files in, pose and aligned cloud out, or an honest no.
+Estimate the pose between two scans, and write it and the aligned cloud.
 
-Run it on two scans of your own, or without arguments on a generated pair::
+Without arguments it uses a generated pair::
 
     python examples/register_two_scans.py [SOURCE TARGET]
 """
@@ -31,18 +31,18 @@ else:
 # %%
 # Find the pose
 # -------------
-# A pose that can't be trusted is an error, which says why.
+# If no pose is reliable, `register` raises an error with the reason.
 
 try:
     done = register(source, target)
 except NoConsensusError as error:
     sys.exit(str(error))
-print(f"Right with a probability of {done.probability:.3f}, overlap {100 * done.fitness:.0f} %:")
+print(f"Probability of a correct pose {done.probability:.3f}, overlap {100 * done.fitness:.0f} %:")
 print(done.T_target_source)
 
 # %%
-# Write what was found
-# --------------------
+# Write the results
+# -----------------
 
 out = Path("out")
 out.mkdir(exist_ok=True)
@@ -50,8 +50,8 @@ write_transform(out / "transform.txt", done.T_target_source)
 write_cloud(out / "aligned.ply", source.transformed(done.T_target_source))
 
 # %%
-# See it
-# ------
+# Plot
+# ----
 
 figure = registration_figure(
     source.points,

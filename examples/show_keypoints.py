@@ -2,7 +2,7 @@
 Keypoints
 =========
 
-Where the two detectors find keypoints, at their usual radius and 200 of them.
+Keypoints of both detectors, at their default radius, and limited to 200.
 """
 
 from cgroup.datasets import standin_pair
