@@ -1,6 +1,6 @@
-"""Measure what README and pages tell, and write it into them.
+"""Measure the numbers of README and pages.
 
-Each command rewrites files of ``measured/``, and the tables of the pages that are made from them:
+Each command rewrites files of ``measured/``, and the tables of README:
 
 ``measure``               all methods on generated matches (choose.toml, some minutes), and options
                           (`method_figures.sweeps`, half a minute);
@@ -12,6 +12,7 @@ Each command rewrites files of ``measured/``, and the tables of the pages that a
 ``peers FOLDER``          takes the records of ``make bench-peers``.
 
 ``write`` only writes the tables. ``check`` names the files whose code has changed since they were measured.
+``verify`` measures one value of each method again and compares it with the file.
 """
 
 from __future__ import annotations
@@ -32,8 +33,9 @@ from cgroup.benchmark.report.registration import answer_table, calibration_table
 from cgroup.benchmark.report.trial_tables import overview_table, with_fewest_threads
 from cgroup.benchmark.run import run
 from cgroup.benchmark.tables import load
+from cgroup.registry import METHOD_INFO
 from method_figures.measure_clouds import measure_clouds
-from method_figures.measure_options import COLUMNS, measure_all
+from method_figures.measure_options import COLUMNS, list_changed, measure_all
 from method_figures.measure_order import measure_order
 from method_figures.measured import FOLDER, METHODS_CSV, OPTIONS_CSV, ROOT, load_origin, save
 from method_figures.tables import write_tables
@@ -197,6 +199,15 @@ def _table_of(lines: Iterable[str]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["program", *header[1:]])
 
 
+RECORDS = {
+    "registration": record_registration,
+    "trust": record_trust,
+    "matches": record_matches,
+    "peers": record_peers,
+}
+"""Functions that take the records of a run, by the names of their commands."""
+
+
 def list_outdated() -> list[str]:
     """Return a line for each file of measurements whose code has changed since."""
     lines: list[str] = []
@@ -227,19 +238,17 @@ def main(arguments: list[str]) -> int:
         case ["clouds"]:
             command = "python docs/figures/choose.py clouds"
             save(FOLDER / "large-clouds.csv", command, REGISTRATION, measure_clouds(), "two threads")
-        case ["registration", folder]:
-            record_registration(Path(folder))
-        case ["trust", folder]:
-            record_trust(Path(folder))
-        case ["matches", folder]:
-            record_matches(Path(folder))
-        case ["peers", folder]:
-            record_peers(Path(folder))
+        case [name, folder] if name in RECORDS:
+            RECORDS[name](Path(folder))
         case ["write"]:
             pass
         case ["check"]:
             sys.stdout.writelines(f"{line}\n" for line in list_outdated())
             return 0
+        case ["verify"]:
+            lines = list_changed(info.function.__name__ for info in METHOD_INFO.values())
+            sys.stdout.writelines(f"{line}\n" for line in lines)
+            return int(bool(lines))
         case _:
             sys.stderr.write(__doc__ or "")
             return 2

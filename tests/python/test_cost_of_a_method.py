@@ -24,7 +24,7 @@ MOST_LINES_OF_AN_OPTION = 7
 MEASURED = ("docs/figures/measured/", "docs/methods/choose.md", "tests/golden/", "CHANGELOG.md")
 """What is measured, or tells of the past: none of it is written for a method to exist."""
 
-_MADE = re.compile(r"<!-- (made|measured): [^\n]+? -->\n.*?<!-- end of \1 -->", re.DOTALL)
+_MADE = re.compile(r"<!-- measured: [^\n]+? -->\n.*?<!-- end of measured -->", re.DOTALL)
 
 
 @cache

@@ -1,4 +1,4 @@
-"""Every method has its page with all of its options, and the pages tell what was measured."""
+"""Every method has a page with its options and measurements."""
 
 import inspect
 import json
@@ -12,7 +12,7 @@ import pytest
 from cgroup.registry import METHOD_INFO, MethodOption, find_method
 
 ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT / "docs" / "figures"))
+sys.path[:0] = [str(ROOT / "docs" / "figures"), str(ROOT / "docs")]
 
 pytest.importorskip("matplotlib", reason="figures of the pages are drawn by matplotlib")
 
@@ -20,23 +20,16 @@ pd = pytest.importorskip("pandas", reason="measurements are read by pandas")
 
 import choose  # noqa: E402 - the script of the measurements
 import methods as figures  # noqa: E402 - the script of the figures
+from _site import tables as site_tables  # noqa: E402
 
-from method_figures import chooser, ideas, measured, tables  # noqa: E402
-from method_figures.measure_options import measure_value  # noqa: E402
-from method_figures.measured import FOLDER, load_methods, load_options, load_origin, load_table  # noqa: E402
-from method_figures.sweeps import SWEEPS, VIEWS  # noqa: E402
+from method_figures import chooser, ideas, measure_options, measured, tables  # noqa: E402
+from method_figures.measured import FOLDER, load_methods, load_options, load_origin  # noqa: E402
+from method_figures.sweeps import SWEEPS  # noqa: E402
 from peers.records import Journal, Run  # noqa: E402 - found by `choose`
 
 PAGES = ROOT / "docs" / "methods"
-HEADINGS = (
-    "The idea",
-    "Equations",
-    "Use",
-    "Options and what each changes",
-    "Cost",
-    "When it fails",
-    "Reference",
-)
+HEADINGS = ("Idea", "Equations", "Example", "Options", "Cost", "Limits", "Reference")
+INCLUDED = tables.included()
 FUNCTIONS = {info.function.__name__: info.function for info in METHOD_INFO.values()}
 
 
@@ -45,22 +38,47 @@ def test_page_has_all_parts_in_order(name: str):
     text = (PAGES / f"{name}.md").read_text(encoding="utf-8")
     found = re.findall(r"^## (.+)$", text, flags=re.MULTILINE)
     assert tuple(found) == HEADINGS
-    assert re.findall(r"_generated/methods/([a-z0-9-]+)\.png", text) == [
-        f"{name}-{kind}" for kind in ("idea", "options", "cost", "limits")
-    ]
+    assert f"_generated/methods/{name}-idea.png" in text
+    wanted = [f"{name}-{kind}" for kind in ("options", "cost", "limits")]
+    assert [include for include in includes(text) if include in wanted] == wanted
     assert f"{{py:func}}`cgroup.{name}`" in text
     assert "$$" in text
     assert "```python\n" in text
 
 
+def includes(text: str) -> list[str]:
+    """Return the names of the tables that a page includes."""
+    return re.findall(r"^```\{include\} \S*_generated/tables/(\S+)\.md$", text, flags=re.MULTILINE)
+
+
+def test_pages_include_tables_that_exist():
+    used = {name for page in tables.PAGES for name in includes(page.read_text(encoding="utf-8"))}
+    assert used <= set(INCLUDED)
+    figures_of = re.findall(r"_generated/methods/(\S+)\.png", "".join(INCLUDED[name] for name in used))
+    assert set(figures_of) == {f"{name}-{kind}" for name in FUNCTIONS for kind in figures.KINDS[1:]}
+
+
+def test_included_tables_are_written_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    site_tables.write(tmp_path)
+    written = {page.stem: page for page in (tmp_path / "_generated/tables").iterdir()}
+    assert {name: page.read_text(encoding="utf-8") for name, page in written.items()} == {
+        name: f"{table}\n" for name, table in INCLUDED.items()
+    }
+    written["gc-cost"].write_text("old", encoding="utf-8")
+    times = {name: page.stat().st_mtime_ns for name, page in written.items()}
+    site_tables.write(tmp_path)
+    assert written["gc-cost"].read_text(encoding="utf-8") == f"{INCLUDED['gc-cost']}\n"
+    assert [name for name, page in written.items() if page.stat().st_mtime_ns != times[name]] == ["gc-cost"]
+
+
 @pytest.mark.parametrize("name", FUNCTIONS)
 def test_table_has_every_option_with_its_default(name: str):
-    text = (PAGES / f"{name}.md").read_text(encoding="utf-8")
-    fields, options = text.split(f"<!-- made: options {name} -->", maxsplit=1)
-    given = re.findall(r"`(\w+)`", " ".join(re.findall(r"^\| (`.+?) \| \S+ \|", fields, flags=re.MULTILINE)))
+    fields, options = INCLUDED[f"{name}-options"].split("| option |")
+    given = re.findall(r"^\| `(\w+)` \| .*array_like|^\| `(resolution)` \|", fields, flags=re.MULTILINE)
     listed = dict(re.findall(r"^\| `(\w+)` \| (.+?) \| .+ \|$", options, flags=re.MULTILINE))
     parameters = inspect.signature(FUNCTIONS[name]).parameters
-    assert sorted([*given, *listed]) == sorted(parameters)
+    assert sorted(["".join(found) for found in given] + [*listed]) == sorted(parameters)
     for option, described in find_method(name).options.items():
         assert _says(listed[option], described), (option, listed[option])
 
@@ -78,15 +96,15 @@ def _says(shown: str, option: MethodOption) -> bool:
 
 def test_all_methods_are_listed_once():
     index = (PAGES / "index.md").read_text(encoding="utf-8")
-    toctree = " ".join(re.findall(r"```\{toctree\}\n(.*?)```", index, flags=re.DOTALL))
-    for name in FUNCTIONS:
-        assert f"]({name}.md)" in index
-        assert re.search(rf"\b{name}\b", toctree)
+    assert [*includes(index)] == ["all-methods", *(f"toctree-{group}" for group in tables.GROUPS)]
+    listed = [name for group in tables.GROUPS for name in INCLUDED[f"toctree-{group}"].splitlines()[4:-1]]
+    assert listed == re.findall(r"\]\((\w+)\.md\)", INCLUDED["all-methods"])
+    assert sorted(listed) == sorted(FUNCTIONS)
     assert set(ideas.IDEAS) == set(FUNCTIONS) == {s.method for s in SWEEPS}
 
 
 @pytest.mark.parametrize("page", tables.PAGES, ids=lambda page: page.stem)
-def test_tables_are_those_of_the_measured_figures_and_docstrings(page: Path):
+def test_tables_are_those_of_the_measured_figures(page: Path):
     text = page.read_text(encoding="utf-8")
     assert tables.fill(text) == text, "run: python docs/figures/choose.py write"
 
@@ -148,69 +166,6 @@ def test_records_of_peers_become_tables(tmp_path: Path, monkeypatch: pytest.Monk
     ]
 
 
-MEASURED = re.compile(r"\d (ms|MiB)\b|\d of (the |its )?\d|^\|.*[\d*] / [\d*]")
-"""What measured numbers look like: units, counts of counts, columns of one number beside another."""
-
-CHOSEN = (
-    *("calls under 20 ms", "beyond 64 MiB", "other matches and 10 of the group's"),
-    "**Two scans, matched:**",
-    *("| a tenth or more", "| several motions", "| a first guess", "| overlap below 0.3"),
-)
-"""Parts of lines that look so and are parameters, an output, words about the tables of their page, or what its picture
-shows, which `test_examples.py` computes."""
-
-REPORTS = {"readings", "reproduction"}
-"""Pages on one run each, which their tables name."""
-
-
-@pytest.mark.parametrize(
-    "page", [page for page in tables.PAGES if page.stem not in REPORTS], ids=lambda page: page.stem
-)
-def test_measured_numbers_come_from_their_files(page: Path):
-    text = without_marked(page.read_text(encoding="utf-8"))
-    lines = [line for line in text.splitlines() if MEASURED.search(line)]
-    assert not [line for line in lines if not any(part in line for part in CHOSEN)], (
-        "move it to docs/figures/measured, or quote it"
-    )
-
-
-def without_marked(text: str) -> str:
-    """Leave out what is made from measurements or quotes them, and code."""
-    marked = r"<!-- (\w+): [^\n]+ -->\n.*?<!-- end of \1 -->|^(`{3,})[^\n]*\n.*?^\2"
-    return re.sub(marked, "", text, flags=re.DOTALL | re.MULTILINE)
-
-
-@pytest.mark.parametrize("page", tables.PAGES, ids=lambda page: page.stem)
-def test_quoted_numbers_stand_in_their_files(page: Path):
-    text = page.read_text(encoding="utf-8")
-    for names, prose in re.findall(
-        r"<!-- quoted: ([^\n]+) -->\n(.*?)<!-- end of quoted -->", text, flags=re.DOTALL
-    ):
-        there = set().union(*(numbers_of_file(name) for name in names.split()))
-        assert numbers(re.sub(r"\]\([^)]*\)", "", prose)) <= there, f"not in {names}"
-
-
-def numbers(text: str) -> set[float]:
-    found = re.findall(r"(?<![\w.])(?:\d{1,3}(?:,\d{3})+|\d+)?(?:\.\d+)?", text)
-    return {float(number.replace(",", "")) for number in found if number}
-
-
-def numbers_of_file(name: str) -> set[float]:
-    table = load_table(FOLDER / f"{name}.csv")
-    return numbers(" ".join([name.replace("-", " "), *table.columns, *table.to_numpy().ravel()]))
-
-
-@pytest.mark.parametrize("name", FUNCTIONS)
-def test_scores_on_a_methods_page_were_measured_for_it(name: str):
-    text = without_marked((PAGES / f"{name}.md").read_text(encoding="utf-8"))
-    scores: set[str] = set()
-    for table in (load_methods(), load_options()):
-        rows = table[table["method"] == find_method(name).name]
-        scores |= {tables.two(value) for value in rows[["precision", "recall", "f_score"]].to_numpy().ravel()}
-    scores |= {score.removesuffix("0") for score in scores}
-    assert set(re.findall(r"(?<![\w.])\.\d\d?\b", text)) <= scores
-
-
 def test_every_method_is_measured_at_every_size_and_share():
     sized = tables.sized()
     for name in METHOD_INFO:
@@ -220,21 +175,12 @@ def test_every_method_is_measured_at_every_size_and_share():
     assert load_methods()[["precision", "recall", "f_score"]].stack().between(0, 1).all()
 
 
-@pytest.mark.parametrize("name", FUNCTIONS)
-def test_measured_figures_are_those_of_today(name: str):
-    sweep = next(sweep for sweep in SWEEPS if sweep.method == name)
-    data = next(kind for kind in sweep.data if kind != VIEWS)
-    value = sweep.levels[-1]
-    table = load_options()
-    chosen = table[
-        (table["method"] == name)
-        & (table["option"] == sweep.option)
-        & (table["value"] == str(value))
-        & (table["data"] == data)
-    ]
-    measured = chosen[["precision", "recall", "f_score"]].to_numpy(dtype=float)[0]
-    today = [float(text) for text in measure_value(sweep, value, data)[:3]]
-    assert today == pytest.approx(measured, abs=1e-4), "run: python docs/figures/choose.py measure"
+def test_changed_measurements_are_listed(monkeypatch: pytest.MonkeyPatch):
+    assert measure_options.list_changed(["gc"]) == []
+    changed = load_options().assign(f_score=lambda table: table["f_score"] + 2e-4)
+    monkeypatch.setattr(measure_options, "load_options", lambda: changed)
+    [line] = measure_options.list_changed(["gc"])
+    assert line.startswith("gc, tolerance=")
 
 
 @pytest.mark.parametrize("sweep", SWEEPS, ids=lambda sweep: f"{sweep.method}-{sweep.option}")

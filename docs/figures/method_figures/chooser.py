@@ -1,4 +1,4 @@
-"""The chooser: the measured figures, and a form that sorts the methods by them."""
+"""The chooser: a form that sorts the methods by their measurements."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ _FIGURES = {
 
 
 def render_chooser() -> str:
-    """Return the chooser as a piece of HTML that needs nothing else."""
+    """Return the chooser as self-contained HTML."""
     data = json.dumps(chooser_data(), separators=(",", ":"), ensure_ascii=False).replace("</", "<\\/")
     return _TEMPLATE.read_text(encoding="utf-8").replace(_PLACE, data)
 
 
 def chooser_data() -> dict[str, Any]:
-    """Return what the form shows: methods and what they need, and their figures by size and share."""
+    """Return the data of the form: methods with their input, and measurements by size and fraction."""
     rows = [
         {
             "method": row["method"],

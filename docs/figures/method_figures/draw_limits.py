@@ -1,4 +1,4 @@
-"""Where a method fails, and what it costs, beside others: from the measured figures of all methods."""
+"""Figures of a method's F on harder and harder problems, and of its cost, with other methods."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _SHARES = (0.5, 0.2, 0.1, 0.05, 0.02, 0.01)
 
 
 def draw_limits(method: str) -> Figure:
-    """Draw F over the share of right matches, over noise, and over kinds of wrong matches (or of frames)."""
+    """Draw F over the fraction of correct matches, over noise, and over kinds of wrong matches or frames."""
     figure = new_figure(3.0)
     first, second, third = figure.subplots(1, 3, sharey=True)
     table = load_methods()
@@ -60,14 +60,14 @@ def draw_limits(method: str) -> Figure:
     first.set_xticks(_SHARES, [f"{100 * share:g}" for share in _SHARES])
     first.minorticks_off()
     first.set_ylim(0, 1)
-    finish(first, title="Fewer right ones of 1,000", xlabel="right matches (%)", ylabel="F")
-    finish(second, title="More noise (10 % right)", xlabel="noise per axis (pr)")
+    finish(first, title="Fewer correct of 1,000", xlabel="correct matches (%)", ylabel="F")
+    finish(second, title="More noise (10 % correct)", xlabel="noise per axis (pr)")
     if method in NEEDS_FRAMES:
         third.set_xticks(range(3), ["good", "bad", "none"])
-        finish(third, title="Worse frames (10 % right)", xlabel="frames")
+        finish(third, title="Worse frames (10 % correct)", xlabel="frames")
     else:
         third.set_xticks(range(len(_KINDS)), list(_KINDS.values()))
-        finish(third, title="Kinds of wrong ones (2 % right)")
+        finish(third, title="Wrong matches (2 % correct)")
     third.tick_params(axis="x", labelsize=FONT - 2)
     third.set_xlim(-0.5, third.get_xticks()[-1] + 0.5)
     third.grid(visible=False, axis="x")
@@ -148,8 +148,8 @@ def draw_cost(method: str) -> Figure:
         axes.set(xscale="log", yscale="log")
         axes.set_xticks([200, 1000, 5000, 20000], ["200", "1,000", "5,000", "20,000"])
         axes.minorticks_off()
-    finish(panels[0], title="Time, one thread, one in ten right", xlabel="matches", ylabel="ms")
-    finish(panels[1], title="Peak memory beside the matches", xlabel="matches", ylabel="MiB")
+    finish(panels[0], title="Time, one thread, 10 % correct", xlabel="matches", ylabel="ms")
+    finish(panels[1], title="Peak memory without the matches", xlabel="matches", ylabel="MiB")
     panels[1].text(
         0.02,
         0.97,

@@ -62,7 +62,7 @@ def _name_curves(figure: Figure, *, timed: bool) -> None:
     if timed:
         handles.extend(
             Line2D([], [], color=TEXT, linestyle=dashes, label=f"time, {name}")
-            for dashes, name in zip(_DASHES, ("views", "drawn"), strict=True)
+            for dashes, name in zip(_DASHES, ("views", "generated"), strict=True)
         )
     name_below(figure, handles)
 
@@ -95,7 +95,7 @@ def _draw_scores(axes: Axes, sweep: Sweep, rows: pd.DataFrame, *, first: bool) -
         )
     axes.set_ylim(0, 1)
     _name_values(axes, sweep)
-    finish(axes, title=_title(sweep), ylabel="share" if first else "")
+    finish(axes, title=_title(sweep), ylabel="fraction" if first else "")
 
 
 def _draw_times(axes: Axes, sweep: Sweep, *, first: bool) -> None:

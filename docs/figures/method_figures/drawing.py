@@ -1,4 +1,4 @@
-"""What all figures of the pages share: size, colours of right and wrong, axes, legends."""
+"""Size, colours of correct and wrong matches, axes and legends of all figures."""
 
 from __future__ import annotations
 
@@ -54,8 +54,8 @@ def colors_of(correct: BoolArray) -> list[str]:
 
 
 def name_right_and_wrong(figure: Figure, *extra: Line2D | Patch, dots: bool = True) -> None:
-    """Say below the figure what the colours mean."""
-    names = {"right match": CORRECT, "wrong match": WRONG}
+    """Add a legend of the colours below the figure."""
+    names = {"correct match": CORRECT, "wrong match": WRONG}
     handles = [
         Line2D([], [], color=color, marker="o", linestyle="", markersize=5, label=name)
         if dots
@@ -81,7 +81,7 @@ def name_below(figure: Figure, handles: Sequence[Line2D | Patch]) -> None:
 
 
 def draw_histogram(axes: Axes, values: FloatArray, correct: BoolArray, *, bins: FloatArray) -> None:
-    """Draw how values of right and of wrong matches are spread, one upon the other."""
+    """Draw stacked histograms of the values of correct and of wrong matches."""
     axes.hist(
         [values[~correct], values[correct]],
         bins=list(bins),

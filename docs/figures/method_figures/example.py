@@ -26,7 +26,7 @@ _GAP = 2.35  # between the two sides, in units of the shape's radius
 def small_problem(
     n: int = 60, share: float = 0.3, *, seed: int = 4, noise: float = 0.6, radius: float = 40.0
 ) -> MatchingProblem:
-    """Draw a problem that is small enough to be looked at, right matches first."""
+    """Return a small problem, correct matches first."""
     problem = make_problem(
         np.random.default_rng(seed),
         n,
@@ -63,7 +63,7 @@ class FlatView:
     def draw(
         self, axes: Axes, rows: BoolArray | None = None, *, width: float = 0.9, alpha: float = 0.8
     ) -> None:
-        """Draw both sides' points, and lines for some matches in the colours of right and wrong."""
+        """Draw both sides' points, and lines of some matches in the colours of correct and wrong."""
         shown = np.ones(len(self._problem), dtype=bool) if rows is None else rows
         first, second = self.source(), self.target()
         for points in (first, second):

@@ -1,4 +1,4 @@
-"""Measure what options change: precision, recall, F and time of every value of `SWEEPS`."""
+"""Measure precision, recall, F and time for every value of `SWEEPS`."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ import numpy as np
 
 import cgroup
 from cgroup.evaluation import score_group
-from method_figures.sweeps import SWEEPS, Sweep, problems
+from method_figures.measured import load_options
+from method_figures.sweeps import SWEEPS, VIEWS, Sweep, problems
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
 COLUMNS = ("method", "option", "value", "data", "precision", "recall", "f_score", "milliseconds")
 
@@ -36,6 +37,21 @@ def measure_all() -> Iterator[tuple[str, ...]]:
     """Yield the rows of all sweeps."""
     for sweep in SWEEPS:
         yield from measure_sweep(sweep)
+
+
+def list_changed(methods: Iterable[str]) -> list[str]:
+    """Measure one value per method again; return a line for each that differs by more than 1e-4."""
+    table = load_options().set_index(["method", "option", "value", "data"])
+    lines: list[str] = []
+    for method in methods:
+        sweep = next(sweep for sweep in SWEEPS if sweep.method == method)
+        data, value = next(kind for kind in sweep.data if kind != VIEWS), sweep.levels[-1]
+        row = table.loc[(method, sweep.option, str(value), data)]
+        before = row[["precision", "recall", "f_score"]].to_numpy(dtype=float)
+        today = np.array([float(text) for text in measure_value(sweep, value, data)[:3]])
+        if np.abs(today - before).max() > 1e-4:
+            lines.append(f"{method}, {sweep.option}={value}: {before} was measured, {today} is today's")
+    return lines
 
 
 def _try(sweep: Sweep, value: object, data: str, number: int) -> tuple[tuple[float, float, float], float]:

@@ -16,7 +16,7 @@ SHARES = (0.5, 0.2, 0.1, 0.05)
 
 
 def measure_order() -> pd.DataFrame:
-    """Count the problems whose group is another when the matches are shuffled, and the share that differs."""
+    """Count groups that change if the matches are shuffled, and the fraction of matches that differ."""
     rng = np.random.default_rng(0)
     changes: dict[str, list[float]] = {name: [] for name in METHOD_INFO}
     for i in range(PROBLEMS):
@@ -35,7 +35,7 @@ def measure_order() -> pd.DataFrame:
     ]
     columns = [
         "method",
-        f"another group, of {PROBLEMS} problems",
-        "of either group, where they differ (median)",
+        f"different groups, of {PROBLEMS} problems",
+        "matches in one group only, if different (median)",
     ]
     return pd.DataFrame(rows, columns=columns)

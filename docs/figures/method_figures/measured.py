@@ -96,7 +96,7 @@ def load_methods() -> pd.DataFrame:
 
 @cache
 def load_options() -> pd.DataFrame:
-    """Return what the values of options make of generated matches."""
+    """Return precision, recall, F and time of the values of options."""
     return pd.read_csv(OPTIONS_CSV, comment="#", dtype={"value": str}, keep_default_na=False)
 
 

@@ -1,48 +1,47 @@
-"""Tables of options on the methods' pages, from the signatures and docstrings of the methods."""
+"""Tables of a method's data and options, from its signature and docstring."""
 
 from __future__ import annotations
 
 import inspect
 import json
 import re
-from typing import TYPE_CHECKING
 
 from numpydoc.docscrape import FunctionDoc
 
 from cgroup._checks.fields import FIELDS
 from cgroup.registry import find_method
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
+_UNIT = "Lengths are in the unit of the points. [pr](../glossary.md#pr) in a default is the `resolution`."
 _MULTIPLE = re.compile(r"[;,] default `([^`]+)`")
 _IN_WORDS = re.compile(r"[;,] (?:by default|None for) (.+?)(?=[.;](?: |$))")
 _CITED = re.compile(r",? (?:as in|of) \[\d\]_")
 
 
 def option_table(function: str) -> str:
-    """List the options of a method with their defaults and meanings."""
+    """List the fields of a method, then its options with their defaults."""
     method = find_method(function).function
-    meanings = _meanings(method)
-    lines = ["| option | default | meaning |", "|---|---|---|"]
+    entries = {name: entry for entry in FunctionDoc(method)["Parameters"] for name in entry.name.split(", ")}
+    fields = ["| field | type | meaning |", "|---|---|---|"]
+    options = ["| option | default | meaning |", "|---|---|---|"]
     for name, parameter in inspect.signature(method).parameters.items():
-        if name not in FIELDS:
-            choices, meaning = meanings[name]
-            default, meaning = _default(parameter.default, meaning)
-            text = f"{choices}: {meaning}" if choices else meaning
-            lines.append(f"| `{name}` | {default} | {text.replace('|', chr(92) + '|')} |")
-    return "\n".join(lines)
-
-
-def _meanings(method: Callable[..., object]) -> dict[str, tuple[str, str]]:
-    """Return words to choose from, if any, and the meaning of each parameter."""
-    found: dict[str, tuple[str, str]] = {}
-    for entry in FunctionDoc(method)["Parameters"]:
-        words = entry.type.strip("{}").split(", ") if entry.type.startswith("{") else []
+        entry = entries[name]
         meaning = _CITED.sub("", " ".join(entry.desc).replace("``", "`"))
-        for name in entry.name.split(", "):
-            found[name] = (", ".join(f"`{word}`" for word in words), meaning)
-    return found
+        if name in FIELDS:
+            fields.append(_row(name, entry.type, meaning))
+        else:
+            default, meaning = _default(parameter.default, meaning)
+            options.append(_row(name, default, _choices(entry.type) + meaning))
+    return "\n".join([*fields, "", _UNIT, "", *options])
+
+
+def _row(name: str, second: str, meaning: str) -> str:
+    return f"| `{name}` | {second} | {meaning.replace('|', chr(92) + '|')} |"
+
+
+def _choices(type_: str) -> str:
+    """Return the words to choose from, if any, as the beginning of a meaning."""
+    words = type_.strip("{}").split(", ") if type_.startswith("{") else []
+    return f"{', '.join(f'`{word}`' for word in words)}: " if words else ""
 
 
 def _default(value: object, meaning: str) -> tuple[str, str]:

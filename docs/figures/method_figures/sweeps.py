@@ -1,4 +1,4 @@
-"""Which options of each method are tried, with which values, and on what."""
+"""Options, values and data of the measurements of options."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 
 VIEWS, DRAWN, SPARSE = "views", "drawn", "sparse"
 DATA = {
-    VIEWS: "Two views of a shape, SHOT at Harris keypoints: 6 to 13 % of 320 to 442 right (six pairs)",
-    DRAWN: "Drawn matches: 5 % of 1,000 right (six problems)",
-    SPARSE: "Drawn matches: 1 % of 1,000 right (twelve problems)",
+    VIEWS: "Two views of a shape, SHOT at Harris keypoints: 6 to 13 % of 320 to 442 correct (six pairs)",
+    DRAWN: "Generated matches: 5 % of 1,000 correct (six problems)",
+    SPARSE: "Generated matches: 1 % of 1,000 correct (twelve problems)",
 }
-"""What options are tried on."""
+"""Data of the measurements, with captions."""
 
 _PROBLEMS = {VIEWS: 6, DRAWN: 6, SPARSE: 12}
 _SHARES = {DRAWN: 0.05, SPARSE: 0.01}
@@ -33,8 +33,8 @@ _CORRECT_WITHIN = 5.0  # pr
 class Sweep:
     """Levels of one option; those in pr are multiplied by the resolution of the matches.
 
-    `base` are further options of each call. With `fields`, each value is a name for what is given: the
-    fields of the matches that are left out.
+    `base` are further options of each call. With `fields`, each value names an
+    input, and maps to the fields of the matches that are omitted.
     """
 
     method: str
@@ -70,7 +70,7 @@ class Sweep:
 
 
 class TrialProblem(NamedTuple):
-    """Matches, and which are right."""
+    """Matches and a mask of the correct ones."""
 
     matches: Correspondences
     correct: BoolArray
@@ -130,7 +130,7 @@ SWEEPS = (
     Sweep("lc", "modes", (1, 3, 10, 40, 100), 40),
     Sweep(
         "lc",
-        "what is given",
+        "input",
         ("points", "+ ratio", "+ frames"),
         "+ frames",
         fields={"points": ("ratio", *_FRAMES), "+ ratio": _FRAMES, "+ frames": ()},

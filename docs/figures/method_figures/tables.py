@@ -1,4 +1,4 @@
-"""Tables of README and pages that are made from measured figures and docstrings, between two marks."""
+"""Tables of measured figures and docstrings: pages include them, README has them between two marks."""
 
 from __future__ import annotations
 
@@ -6,7 +6,15 @@ import re
 from typing import TYPE_CHECKING
 
 from cgroup.registry import METHOD_INFO, find_method
-from method_figures.measured import FOLDER, METHODS_CSV, ROOT, load_methods, load_origin, load_table
+from method_figures.measured import (
+    FOLDER,
+    METHODS_CSV,
+    OPTIONS_CSV,
+    ROOT,
+    load_methods,
+    load_origin,
+    load_table,
+)
 from method_figures.option_table import option_table
 
 if TYPE_CHECKING:
@@ -33,7 +41,7 @@ VERDICTS = (
 )
 SPEED_PEERS = ("cgroup", "PCL", "NumPy")
 
-_OPENING = re.compile(r"<!-- (made|measured): ([^\n]+?) -->\n.*?<!-- end of \1 -->", re.DOTALL)
+_OPENING = re.compile(r"<!-- measured: ([^\n]+?) -->\n.*?<!-- end of measured -->", re.DOTALL)
 
 _INFOS = METHOD_INFO.values()
 GROUPS = {
@@ -62,26 +70,56 @@ def fill(text: str) -> str:
     """Return the text of a page with its tables made anew."""
 
     def render(found: re.Match[str]) -> str:
-        how, what = found.groups()
-        return f"<!-- {how}: {what} -->\n{_render(what)}\n<!-- end of {how} -->"
+        kind, _, name = found[1].partition(" ")
+        table = {"table": measured_table, "verdicts": verdict_table}[kind](name)
+        return f"<!-- measured: {found[1]} -->\n{table}\n<!-- end of measured -->"
 
     return _OPENING.sub(render, text)
 
 
-def _render(what: str) -> str:
-    kind, _, name = what.partition(" ")
-    tables = {
-        "cost": cost_table,
-        "all": all_table,
-        "best": best_table,
-        "needs": needs_table,
-        "options": option_table,
-        "table": measured_table,
-        "verdicts": verdict_table,
-        "speed": speed_table,
-        "toctree": toctree,
-    }
-    return tables[kind](name)
+def included() -> dict[str, str]:
+    """Return the Markdown that pages include, by the name of its file."""
+    shown = [path.stem for path in sorted(FOLDER.glob("*.csv")) if path not in {METHODS_CSV, OPTIONS_CSV}]
+    found = {name: measured_table(name) for name in shown}
+    found |= {"all-methods": all_table(), "best-methods": best_table(), "needs": needs_table()}
+    found["speed-beside-pcl"] = speed_table()
+    found |= {f"toctree-{group}": toctree(group) for group in GROUPS}
+    for info in _INFOS:
+        name = info.function.__name__
+        found[f"{name}-options"] = _options(name, info.label)
+        found[f"{name}-cost"] = _cost(name)
+        found[f"{name}-limits"] = _limits(name)
+    return found
+
+
+def _options(name: str, label: str) -> str:
+    """Return tables of what a method takes, and the figure of its main options."""
+    caption = (
+        "One option is changed at a time; means over the problems. *Views* are from "
+        "`cgroup.datasets.standin_pair`, *generated* matches from `cgroup.datasets.make_problem`."
+    )
+    alt = f"Precision, recall, F and time of {label} over the values of its main options"
+    return f"{option_table(name)}\n\n{_figure(f'{name}-options', alt, caption)}"
+
+
+def _cost(name: str) -> str:
+    """Return the figure and the table of a method's time and memory."""
+    alt = "Time and peak memory over the number of matches, with other methods"
+    return f"{_figure(f'{name}-cost', alt)}\n\n{cost_table(name)}"
+
+
+def _limits(name: str) -> str:
+    """Return the figure of a method's F on harder and harder problems."""
+    alt = "F over the share of correct matches, the noise, and kinds of wrong matches or of frames"
+    caption = (
+        "Generated problems of 1,000 matches, means of five to eight. [Which method](choose.md) compares all."
+    )
+    return _figure(f"{name}-limits", alt, caption)
+
+
+def _figure(name: str, alt: str, caption: str = "") -> str:
+    opening = f"```{{figure}} ../_generated/methods/{name}.png\n:alt: {alt}\n:width: 100%\n"
+    return f"{opening}\n{caption}\n```" if caption else f"{opening}```"
 
 
 def sized(n: int | None = None, share: float | None = None) -> pd.DataFrame:
@@ -94,10 +132,10 @@ def sized(n: int | None = None, share: float | None = None) -> pd.DataFrame:
 
 
 def cost_table(function: str) -> str:
-    """List time and memory of one method over the number of matches."""
+    """List time and memory of a method over the number of matches."""
     rows = sized()[lambda table: table["method"] == public(function)]
     lines = [
-        "| matches | ms, 50 % right | ms, 10 % right | ms, 2 % right | MiB, 10 % right |",
+        "| matches | ms, 50 % correct | ms, 10 % correct | ms, 2 % correct | MiB, 10 % correct |",
         "|---:|---:|---:|---:|---:|",
     ]
     for n in SIZES:
@@ -107,8 +145,8 @@ def cost_table(function: str) -> str:
     return _captioned(lines, f"Medians of 8, 8, 3 and 1 problems. {_source()}")
 
 
-def all_table(_: str) -> str:
-    """List all methods with what they need, their cost, and what they reach."""
+def all_table() -> str:
+    """List all methods with their input, cost and F."""
     lines = [
         "| method | idea | needs | cost | F at 10 / 2 / 1 % | ms |",
         "|---|---|---|---|---:|---:|",
@@ -135,10 +173,10 @@ def toctree(group: str) -> str:
     return "\n".join(["```{toctree}", ":hidden:", f":caption: {_CAPTIONS[group]}", "", *names, "```"])
 
 
-def best_table(_: str) -> str:
-    """List the fastest of the best methods by size and share of right matches."""
+def best_table() -> str:
+    """List the fastest of the best methods by size and share of correct matches."""
     lines = [
-        "| right | " + " | ".join(f"{n:,} matches" for n in SIZES) + " |",
+        "| correct | " + " | ".join(f"{n:,} matches" for n in SIZES) + " |",
         "|---:|" + "---|" * len(SIZES),
     ]
     for share in SHARES:
@@ -148,7 +186,7 @@ def best_table(_: str) -> str:
 
 
 def _on_points(rows: pd.DataFrame) -> pd.DataFrame:
-    """Leave out what can't do without ratios, similarities or frames."""
+    """Keep methods that need points only."""
     able = [info.name for info in METHOD_INFO.values() if info.fields == ("source", "target")]
     return rows[rows["method"].isin(able)]
 
@@ -161,10 +199,10 @@ def _best(rows: pd.DataFrame) -> str:
     return f"{link(first['method'])} {two(first['f_score'])}, {time(first['milliseconds'])} ms"
 
 
-def needs_table(_: str) -> str:
-    """List what to take for precision, for recall, and in a hurry, of 1,000 matches."""
+def needs_table() -> str:
+    """List the methods of highest precision, of highest recall, and of least time, for 1,000 matches."""
     lines = [
-        "| right | fewest false: precision, recall | fewest missed, at precision .9 | fastest, F .9 |",
+        "| correct | highest precision; recall | precision >= .9; highest recall | fastest with F >= .9 |",
         "|---:|---|---|---|",
     ]
     for share in SHARES:
@@ -221,7 +259,7 @@ def time(milliseconds: float | None) -> str:
 
 
 def memory(mebibytes: float | None) -> str:
-    """Format a size; what the system can't tell from nothing is said so."""
+    """Format a size with two digits; the system does not resolve less than 0.1 MiB."""
     return "-" if mebibytes is None else "below 0.1" if mebibytes < 0.1 else _short(mebibytes)
 
 
@@ -270,8 +308,8 @@ def _counts(cell: str) -> tuple[int, int]:
     return (int(some), int(of)) if of else (0, 0)
 
 
-def speed_table(_: str) -> str:
-    """List time and F of methods beside PCL and NumPy: 5,000 matches, 3 % right, one thread."""
+def speed_table() -> str:
+    """List time and F of methods beside PCL and NumPy: 5,000 matches, 3 % correct, one thread."""
     path = FOLDER / "peers-5000.csv"
     shown: dict[str, dict[str, str]] = {}
     method = ""

@@ -1,4 +1,4 @@
-"""GC, MAC, TEASER++ and CLIPPER: matches that agree are joined, and right ones are joined with each other."""
+"""Figures of GC, MAC, TEASER++ and CLIPPER: graphs of matches that agree."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def gc() -> Figure:
 
 
 def mac() -> Figure:
-    """Draw the graph, its heaviest maximal clique, and what cliques propose."""
+    """Draw the graph, its heaviest maximal clique, and the weights of all cliques."""
     problem = small_problem(40, 0.3, seed=4)
     joined = _joined(problem, 4.0)
     cliques = _maximal_cliques(joined)
@@ -114,7 +114,7 @@ def _weight(problem: MatchingProblem, joined: BoolArray, clique: set[int]) -> fl
 
 
 def _draw_graph(axes: Axes, problem: MatchingProblem, joined: BoolArray, clique: IndexArray) -> None:
-    """Draw vertices on a circle, right ones first, with the clique's edges strong."""
+    """Draw vertices on a circle, correct ones first, and emphasize the clique's edges."""
     size = len(problem)
     angles = np.pi / 2 - 2 * np.pi * np.arange(size) / size
     places = np.column_stack([np.cos(angles), np.sin(angles)])
@@ -196,7 +196,7 @@ def clipper() -> Figure:
     left.set(xticks=[], yticks=[])
     left.spines[:].set_visible(False)
     left.set_title("Affinities as they come", loc="left", fontsize=FONT + 0.5, color=TEXT, pad=9)
-    show_matrix(middle, affinity, count, "The same, right ones first")
+    show_matrix(middle, affinity, count, "The same, correct matches first")
     order = np.argsort(-u, kind="stable")
     right.bar(np.arange(1, len(u) + 1), u[order], color=colors_of(problem.inlier_mask[order]), width=0.8)
     cut = result.size + 0.5

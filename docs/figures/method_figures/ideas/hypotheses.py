@@ -51,7 +51,10 @@ def ransac() -> Figure:
     order = np.argsort(counts, kind="stable")
     clean = [all(problem.inlier_mask[rows]) for rows in samples]
     bad = next(number for number in order[::-1] if problem.inlier_mask[samples[number]].sum() == 1)
-    for panel, number, name in ((left, bad, "Two wrong ones"), (middle, order[-1], "Three right ones")):
+    for panel, number, name in (
+        (left, bad, "Two wrong matches"),
+        (middle, order[-1], "Three correct matches"),
+    ):
         _draw_sample(panel, problem, samples[number])
         title_of(panel, f"{name}: {counts[number]} agree")
     places = np.arange(1, len(counts) + 1)
@@ -73,7 +76,7 @@ def ransac() -> Figure:
 
 
 def _draw_sample(axes: Axes, problem: MatchingProblem, rows: IndexArray) -> None:
-    """Draw the target, and the source as the motion of the sample lays it."""
+    """Draw the target, and the source transformed by the motion of the sample."""
     view = FlatView(problem)
     motion = _core.rigid_fit(problem.source[rows], problem.target[rows])
     laid, target = view.target(apply(motion, problem.source)), view.target()
@@ -94,7 +97,7 @@ def _draw_sample(axes: Axes, problem: MatchingProblem, rows: IndexArray) -> None
 
 
 def lc() -> Figure:
-    """Draw what a match adds to a pose's support, and the poses that the matches speak for."""
+    """Draw a match's support of a pose over its residual, and the supported poses."""
     problem = small_problem(1000, 0.02, seed=6, noise=1.2, radius=100.0)
     result = cgroup.group(problem.correspondences(), "lc")
     figure = new_figure(3.0)
@@ -171,7 +174,7 @@ def _draw_residuals(axes: Axes, problem: MatchingProblem, result: cgroup.Groupin
 
 
 def turboreg() -> Figure:
-    """Show that heavy pairs are mostly right; a triangle over one of them is a pose."""
+    """Draw the weights of pairs, and a triangle over a heavy pair, which defines a pose."""
     problem = small_problem(150, 0.15, seed=7, noise=0.4, radius=60.0)
     weight = _second_order(problem, 1.6, 60.0)
     pairs = np.argwhere(np.triu(weight, 1) > 0)
@@ -198,7 +201,7 @@ def turboreg() -> Figure:
     )
     handles = [
         Line2D([], [], color=color, marker="o", linestyle="", markersize=5, label=name)
-        for name, color in (("both are right", CORRECT), ("at least one is wrong", WRONG))
+        for name, color in (("both are correct", CORRECT), ("at least one is wrong", WRONG))
     ]
     name_below(figure, handles)
     return figure

@@ -1,4 +1,4 @@
-"""ST, GTM and SC2-PCR: what the matrix of all pairs tells."""
+"""Figures of ST, GTM and SC2-PCR: matrices of all pairs."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def ratio_matrix(problem: MatchingProblem) -> FloatArray:
 def show_matrix(
     axes: Axes, matrix: FloatArray, right: int, title: str, *, greatest: float | None = None
 ) -> None:
-    """Show a matrix whose first rows and columns belong to right matches."""
+    """Draw a matrix whose first rows and columns are correct matches."""
     axes.imshow(matrix, cmap=BLUES, vmin=0, vmax=greatest, interpolation="nearest")
     size = len(matrix)
     for start, stop, color in ((0, right, CORRECT), (right, size, WRONG)):
@@ -58,7 +58,7 @@ def show_matrix(
 
 
 def st() -> Figure:
-    """Draw the affinity matrix, its principal eigenvector, and what is accepted."""
+    """Draw the affinity matrix, its principal eigenvector, and the accepted matches."""
     problem = small_problem(60, 0.3)
     right = int(problem.inlier_mask.sum())
     result = cgroup.st(problem.source, problem.target)
@@ -91,7 +91,7 @@ def st() -> Figure:
 
 
 def gtm() -> Figure:
-    """Draw how the population gathers on the right matches, step by step."""
+    """Draw the population shares of all matches over the steps."""
     problem = small_problem(60, 0.3)
     payoff = ratio_matrix(problem)
     steps = 100
@@ -155,7 +155,7 @@ def sc2pcr() -> Figure:
     axes[2].text(
         0.97,
         0.9,
-        "green: both are right",
+        "green: both are correct",
         transform=axes[2].transAxes,
         ha="right",
         fontsize=FONT - 0.5,

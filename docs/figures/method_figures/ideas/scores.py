@@ -32,7 +32,7 @@ _VIEW = 1  # of the problems on views
 
 
 def ss() -> Figure:
-    """Draw similarities of right and wrong matches, and where Otsu's method cuts them."""
+    """Draw similarities of correct and wrong matches with Otsu's threshold."""
     matches, correct = problems(VIEWS)[_VIEW]
     similarity = np.asarray(matches.similarity)
     cut = cgroup.ss(similarity).threshold or 0.0
@@ -64,7 +64,7 @@ def _between_classes(scores: FloatArray, cut: float) -> float:
 
 
 def nnsr() -> Figure:
-    """Draw nearest and second-nearest distances, with Lowe's line between what is kept and what isn't."""
+    """Draw nearest and second-nearest distances, with Lowe's threshold."""
     first, second, correct = _descriptor_distances()
     ratio = first / second
     figure = new_figure(2.9)
@@ -91,7 +91,7 @@ def nnsr() -> Figure:
 
 
 def _descriptor_distances() -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Match SHOT descriptors of one pair; return both distances, and which matches are right."""
+    """Match SHOT descriptors of one pair; return both distances, and a mask of the correct matches."""
     pair = standin_pair(seed=_VIEW)
     resolution = float(np.mean([features.resolution(side.points) for side in (pair.source, pair.target)]))
     source, target = (describe(side, resolution=resolution) for side in (pair.source, pair.target))

@@ -39,7 +39,7 @@ def _problem() -> MatchingProblem:
 
 
 def _candidates(problem: MatchingProblem, scores: FloatArray) -> tuple[int, int]:
-    """Pick a right match and a wrong one of usual scores."""
+    """Return a correct and a wrong match with median scores."""
     return _usual(problem.inlier_mask, scores), _usual(~problem.inlier_mask, scores)
 
 
@@ -50,14 +50,14 @@ def _usual(chosen: BoolArray, scores: FloatArray) -> int:
 
 
 def _votes(method: str, option: str, draw: Callable[..., None], *, of: str, title: str) -> Figure:
-    """Draw what 60 voters see of a right and of a wrong match, and what all matches get."""
+    """Draw 60 voters of a correct and of a wrong match, and the scores of all matches."""
     problem = _problem()
     result = cgroup.group(problem.correspondences(), method, **{option: 60})
     scores = np.asarray(result.scores)
     figure = new_figure(2.9)
     *pair, third = figure.subplots(1, 3)
     voters = np.argsort(problem.ratio, kind="stable")[:60]
-    for axes, match, name in zip(pair, _candidates(problem, scores), ("right", "wrong"), strict=True):
+    for axes, match, name in zip(pair, _candidates(problem, scores), ("correct", "wrong"), strict=True):
         draw(axes, problem, match, voters[voters != match])
         finish(
             axes,
@@ -74,12 +74,12 @@ def _votes(method: str, option: str, draw: Callable[..., None], *, of: str, titl
 
 
 def si() -> Figure:
-    """Draw what global voters see of a right and of a wrong match, and the shares of votes."""
+    """Draw global voters of a correct and of a wrong match, and the fractions of votes."""
     return _votes("si", "neighbors", _draw_residuals, of="Votes for a {name} match", title="Share of votes")
 
 
 def cv() -> Figure:
-    """Draw the weight of a vote, and what a right and a wrong match get."""
+    """Draw the weight of a vote, and the votes for a correct and a wrong match."""
     title = "Votes for a {name} match: {score:.1f}"
     return _votes("cv", "voters", _draw_agreement, of=title, title="Sum of votes")
 
