@@ -77,7 +77,6 @@ WRONG_CALLS: dict[str, list[Callable[[Any], Any]]] = {
     "cgroup.registration.Registration.covariance_in": [
         lambda covariance_in: covariance_in(registration.register(PAIR.source, PAIR.target), "ceres"),
     ],
-    "cgroup.registration.PreparedScan.resized": [given(registration.prepare(PAIR.source, voxel=6.0), 100)],
     "cgroup.scenes.register_all": [given([CLOUD])],
     "cgroup.scenes.prepare_map": [given(CLOUD, voxel=-1)],
     "cgroup.scenes.locate": [given(CLOUD, CLOUD)],
