@@ -6,18 +6,13 @@ matrix product: ``T_map_scan2 @ T_scan2_scan1`` maps scan 1 into the map.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import ArrayLike
 
+from cgroup._checks.array_types import BoolArray, FloatArray, RealArray
 from cgroup._checks.arrays import as_floats, real_points
 from cgroup._checks.values import as_instance
 from cgroup.errors import InputError
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from cgroup._checks.array_types import BoolArray, FloatArray, RealArray
 
 __all__ = [
     "RIGID_TOLERANCE",

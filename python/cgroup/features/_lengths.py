@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from cgroup._checks.values import as_length
+from cgroup.features._places import Places
 from cgroup.features.cloud import resolution_of
-
-if TYPE_CHECKING:
-    from cgroup.features._places import Places
 
 HARRIS_RADIUS = 2.7
 """Default radius of Harris 3D in pr, as in the paper authors' pipeline."""

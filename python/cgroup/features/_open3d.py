@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import importlib
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from cgroup._checks.arrays import in_double
 from cgroup.errors import CgroupError, InputError
-
-if TYPE_CHECKING:
-    from cgroup.types import IndexArray, RealArray
+from cgroup.types import IndexArray, RealArray
 
 HELP = (
     "install it with `pip install cgroup[open3d]`; on Debian and Ubuntu it also needs the packages "

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
+from cgroup import _core
 from cgroup.errors import InputError
+from cgroup.types import IndexArray, RealArray
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from cgroup import _core
-    from cgroup.types import IndexArray, RealArray
-
-    Value = TypeVar("Value", bound=np.generic)
+Value = TypeVar("Value", bound=np.generic)
 
 _MANY = 200_000  # points of which a part shows whether they repeat
 _HASH = np.uint64(0x9E3779B97F4A7C15), np.uint64(29)

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from numpy.typing import ArrayLike
 
 from cgroup._checks.arrays import as_reals
 from cgroup.errors import InputError
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from cgroup.types import RealArray
+from cgroup.types import RealArray
 
 
 def as_descriptors(name: str, value: ArrayLike) -> RealArray:

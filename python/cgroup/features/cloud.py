@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 from cgroup import _core
 from cgroup._checks.arrays import real_points
@@ -12,11 +13,7 @@ from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_flag, as_word
 from cgroup.errors import InputError
 from cgroup.features._places import Places, find_distinct, renumber
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from cgroup.types import AnyCloud, RealArray
+from cgroup.types import AnyCloud, RealArray
 
 
 class Cloud:

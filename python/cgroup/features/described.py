@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+import numpy as np
+from numpy.typing import NDArray
 
-    from cgroup.types import FloatArray, IndexArray
+from cgroup.types import FloatArray, IndexArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from cgroup import _core
 from cgroup._checks.arrays import as_rows, real_frames, real_normals
 from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_count, as_flag, as_number
-from cgroup.features.cloud import places_of
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import ArrayLike, NDArray
-
-    from cgroup.features.cloud import CloudLike
+from cgroup.features.cloud import CloudLike, places_of
 
 
 @explain_wrong_calls

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from numpy.typing import ArrayLike
 
 from cgroup import _core
 from cgroup._checks.arrays import as_rows
 from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_number
-from cgroup.features.cloud import places_of
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from cgroup.features.cloud import CloudLike
-    from cgroup.types import FloatArray
+from cgroup.features.cloud import CloudLike, places_of
+from cgroup.types import FloatArray
 
 
 @explain_wrong_calls

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cgroup import _core
 from cgroup._checks.arrays import as_rows, real_normals
@@ -18,13 +19,8 @@ from cgroup.features._lengths import (
     SUPPORT_RADIUS,
     length_or_multiple,
 )
-from cgroup.features.cloud import places_of, points_of, resolution_of
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from cgroup.features.cloud import CloudLike
-    from cgroup.types import IndexArray
+from cgroup.features.cloud import CloudLike, places_of, points_of, resolution_of
+from cgroup.types import IndexArray
 
 
 @explain_wrong_calls

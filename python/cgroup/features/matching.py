@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+
+from numpy.typing import ArrayLike
 
 from cgroup import _core
 from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_count, as_flag, as_number
 from cgroup.features._rows import as_descriptors
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from cgroup.types import BoolArray, FloatArray, IndexArray
+from cgroup.types import BoolArray, FloatArray, IndexArray
 
 MOST_BYTES = 2**30
 """What matches may take while they are computed; some sixteen million of them."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from cgroup._checks.arrays import as_faces, as_points
@@ -11,10 +9,7 @@ from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.values import as_length
 from cgroup.errors import InputError
 from cgroup.features.surface import mesh_normals
-from cgroup.types import PointCloud, as_cloud
-
-if TYPE_CHECKING:
-    from cgroup.types import AnyCloud, FloatArray, IndexArray
+from cgroup.types import AnyCloud, FloatArray, IndexArray, PointCloud, as_cloud
 
 _USUAL_POINTS, _MOST_POINTS = 40_000, 20_000_000
 

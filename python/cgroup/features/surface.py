@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
+
+from numpy.typing import ArrayLike
 
 from cgroup import _core
 from cgroup._checks.arrays import as_faces, as_place
 from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_count, as_number
-from cgroup.features.cloud import core_cloud, places_of
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from cgroup.features.cloud import CloudLike
-    from cgroup.types import FloatArray
+from cgroup.features.cloud import CloudLike, core_cloud, places_of
+from cgroup.types import FloatArray
 
 Viewpoint: TypeAlias = tuple[float, float, float]
 """Where a scanner stood, in its cloud's frame."""

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from cgroup import _core
 from cgroup._checks.arrays import real_normals
@@ -13,14 +13,8 @@ from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_count, as_length
 from cgroup.errors import InputError
-from cgroup.features.cloud import Cloud, core_cloud, places_of
-from cgroup.types import find_cloud
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
-    from cgroup.features.cloud import CloudLike
-    from cgroup.types import FloatArray, IndexArray, RealArray
+from cgroup.features.cloud import Cloud, CloudLike, core_cloud, places_of
+from cgroup.types import FloatArray, IndexArray, RealArray, find_cloud
 
 
 @dataclass(frozen=True, eq=False)

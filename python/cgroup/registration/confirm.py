@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,14 +17,11 @@ from cgroup.registration.judge import (
     share_probability,
 )
 from cgroup.registration.own import match_nothing
-from cgroup.registration.prepare import fine_surfaces
+from cgroup.registration.prepare import PreparedScan, fine_surfaces
 from cgroup.registration.similarity import compare_scales
 from cgroup.rigid import invert
+from cgroup.types import FloatArray
 from cgroup.verification import align, verify
-
-if TYPE_CHECKING:
-    from cgroup.registration.prepare import PreparedScan
-    from cgroup.types import FloatArray
 
 
 def confirm_pose(

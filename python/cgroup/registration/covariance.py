@@ -5,20 +5,17 @@ The coefficients were chosen on generated worlds, whose poses are exact (see `do
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 
 from cgroup.registration.motions import OPEN, Resistance, about, adjoint, motion, resistance, vector_of
-from cgroup.registration.prepare import UNIT, fine_surfaces
+from cgroup.registration.prepare import UNIT, PreparedScan, fine_surfaces
 from cgroup.rigid import apply, invert
+from cgroup.types import FloatArray
+from cgroup.verification import Alignment
 from cgroup.verification.alignment import align_each
 from cgroup.verification.schedule import DIFFERENT_UNITS
-
-if TYPE_CHECKING:
-    from cgroup.registration.prepare import PreparedScan
-    from cgroup.types import FloatArray
-    from cgroup.verification import Alignment
 
 Convention: TypeAlias = Literal["gtsam", "g2o", "ros"]
 CONVENTIONS: tuple[Convention, ...] = ("gtsam", "g2o", "ros")

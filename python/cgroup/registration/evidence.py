@@ -7,20 +7,16 @@ counts by cells of four voxels, whose samples go wrong together.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from cgroup.registration.planes import count_agreeing
-from cgroup.registration.prepare import fine_surfaces
+from cgroup.registration.prepare import PreparedScan, fine_surfaces
 from cgroup.rigid import invert
-from cgroup.verification import Place, places
+from cgroup.types import FloatArray
+from cgroup.verification import FineSurface, Place, places
 from cgroup.verification.alignment import plane_distances
-
-if TYPE_CHECKING:
-    from cgroup.registration.prepare import PreparedScan
-    from cgroup.types import FloatArray
-    from cgroup.verification import FineSurface
 
 _ON = 0.75  # spacings of the fine surfaces between a sample's plane and a surface that it lies on
 

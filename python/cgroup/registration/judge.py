@@ -6,26 +6,20 @@ The coefficients were fitted on generated worlds and half of the pairs of real s
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cgroup._runtime.cached import cached_property
+from cgroup.registration.evidence import Evidence
 from cgroup.registration.matching import turn_matches
 from cgroup.registration.motions import adjoint, say_motion
-from cgroup.registration.prepare import LEAST_VOXELS, UNIT
+from cgroup.registration.prepare import LEAST_VOXELS, UNIT, PreparedScan
 from cgroup.rigid import apply, invert
-from cgroup.types import Agreement, Grouping, Rule
+from cgroup.types import Agreement, BoolArray, Correspondences, FloatArray, Grouping, IndexArray, Rule
+from cgroup.verification import Alignment
 from cgroup.verification.schedule import DIFFERENT_DEGREES, DIFFERENT_UNITS
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from cgroup.registration.evidence import Evidence
-    from cgroup.registration.prepare import PreparedScan
-    from cgroup.types import BoolArray, Correspondences, FloatArray, IndexArray
-    from cgroup.verification import Alignment
 
 ACCEPTED = 0.5
 """Probability from which a pose is held to be right."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,12 +13,9 @@ from cgroup._checks.fields import FIELDS, Fields
 from cgroup._checks.values import as_instance
 from cgroup.errors import NoConsensusError
 from cgroup.features import DescribedCloud
+from cgroup.features.matching import Matches
 from cgroup.group import group
-from cgroup.types import Correspondences, own_correspondences
-
-if TYPE_CHECKING:
-    from cgroup.features.matching import Matches
-    from cgroup.types import BoolArray, FloatArray, Grouping
+from cgroup.types import BoolArray, Correspondences, FloatArray, Grouping, own_correspondences
 
 _OF_THE_CLOUDS = ("resolution", "source_centroid")  # all other fields have a row per match
 _RESOLUTIONS = 3.0  # in LC's tolerance

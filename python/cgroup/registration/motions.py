@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from cgroup.rigid import apply
-
-if TYPE_CHECKING:
-    from cgroup.types import FloatArray
+from cgroup.types import FloatArray
 
 OPEN = 0.01
 """Share of the resistance of all pairs up to which a motion may be open, as for `Alignment.open_motion`."""

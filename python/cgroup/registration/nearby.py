@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cgroup import features
 from cgroup._checks.values import as_length, refusal
 from cgroup.errors import InputError
 from cgroup.features.voxels import thin
 from cgroup.registration.motions import motion
-from cgroup.registration.prepare import UNIT
+from cgroup.registration.prepare import UNIT, PreparedScan
 from cgroup.rigid import apply, check_rigid
+from cgroup.types import BoolArray, FloatArray
 from cgroup.verification import Surface, verify
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from cgroup.registration.prepare import PreparedScan
-    from cgroup.types import BoolArray, FloatArray
 
 ANGLE, RADIUS = 15.0, 0.2
 """Degrees that a rough pose may be off by, and share of the source's diagonal, where nothing is told."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,13 +15,9 @@ from cgroup.features import DescribedCloud
 from cgroup.features._rows import as_descriptors
 from cgroup.features.voxels import thin
 from cgroup.registration.matching import frame_poses
-from cgroup.registration.prepare import UNIT
+from cgroup.registration.prepare import UNIT, PreparedScan
 from cgroup.rigid import are_rigid
-from cgroup.types import Correspondences, own_correspondences
-
-if TYPE_CHECKING:
-    from cgroup.registration.prepare import PreparedScan
-    from cgroup.types import IndexArray, RealArray
+from cgroup.types import Correspondences, IndexArray, RealArray, own_correspondences
 
 _ROWS = "give Correspondences, or (i, j): rows of matched points, such as rows.T of an (n,2) array"
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from cgroup import features
 from cgroup._checks.arrays import as_place, in_double
@@ -13,19 +15,11 @@ from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.values import as_choice, as_count, as_items, as_length, refusal
 from cgroup._runtime.progress import as_stage_function, ignore_progress
 from cgroup.errors import InputError
-from cgroup.features import ORIGIN, SUPPORT_RADIUS, DescribedCloud
+from cgroup.features import ORIGIN, SUPPORT_RADIUS, Cloud, DescribedCloud, Viewpoint
 from cgroup.features._places import renumber
 from cgroup.registration.matching import as_correspondences
-from cgroup.registration.scan import NEEDED_FOR, NORMAL_NEIGHBORS, NORMALS, as_scan
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from numpy.typing import ArrayLike, NDArray
-
-    from cgroup.features import Cloud, Viewpoint
-    from cgroup.registration.scan import Normals, Scan
-    from cgroup.types import AnyCloud, Correspondences, FloatArray, IndexArray
+from cgroup.registration.scan import NEEDED_FOR, NORMAL_NEIGHBORS, NORMALS, Normals, Scan, as_scan
+from cgroup.types import AnyCloud, Correspondences, FloatArray, IndexArray
 
 Detector: TypeAlias = Literal["h3d", "iss"]
 Descriptor: TypeAlias = Literal["shot", "lfsh", "rcs", "fpfh"]

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from itertools import product
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cgroup._checks.fields import Fields
 from cgroup.group import group
 from cgroup.registration.matching import group_poses
-from cgroup.types import own_correspondences
-
-if TYPE_CHECKING:
-    from cgroup.registration.prepare import PreparedScan
-    from cgroup.types import FloatArray, IndexArray
+from cgroup.registration.prepare import PreparedScan
+from cgroup.types import FloatArray, IndexArray, own_correspondences
 
 _LINKED = 2.0  # voxels along an edge of the cells whose neighbours belong to one part
 _LEAST_PARTS, _MOST_PARTS = 5, 60

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.random import default_rng  # NumPy loads it late, and there may be no memory for it by then
 
 from cgroup.evaluation import within
 from cgroup.rigid import apply, cross_products
-
-if TYPE_CHECKING:
-    from cgroup.types import FloatArray, IndexArray
+from cgroup.types import FloatArray, IndexArray
 
 MOST_PLANES = 12
 """Planes of a scan, the largest first."""

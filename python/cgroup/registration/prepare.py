@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from cgroup import features
 from cgroup._checks.arrays import in_double
@@ -15,12 +17,13 @@ from cgroup._runtime.cached import cached_property
 from cgroup._runtime.memory import report_refused_memory
 from cgroup._runtime.progress import as_stage_function, ignore_progress
 from cgroup.errors import InputError
-from cgroup.features import DescribedCloud
+from cgroup.features import Cloud, DescribedCloud, Viewpoint, Voxels
 from cgroup.features.voxels import choose_thinning, thin
 from cgroup.registration.planes import Planes, find_planes, number_cells
 from cgroup.registration.rings import fill_between_rings
 from cgroup.registration.scan import (
     NORMALS,
+    Normals,
     Scan,
     as_model,
     as_surface,
@@ -30,17 +33,9 @@ from cgroup.registration.scan import (
     viewpoint_name,
     without_strays,
 )
+from cgroup.types import AnyCloud, FloatArray, IndexArray
 from cgroup.verification import FineSurface, Surface
 from cgroup.verification.alignment import sample_points
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from numpy.typing import ArrayLike, NDArray
-
-    from cgroup.features import Cloud, Viewpoint, Voxels
-    from cgroup.registration.scan import Normals
-    from cgroup.types import AnyCloud, FloatArray, IndexArray
 
 UNIT = 0.4
 """Unit of the surfaces and of the matches, in voxels."""
@@ -196,25 +191,9 @@ class PreparedScan:
         return DescribedCloud(rows, points, frames[rows], values[rows], unit, self.scan.centroid)
 
     def fine_surface(self, share: float) -> FineSurface | None:
-        """Return the cloud in more detail, at a share of the voxel.
+        """Return the cloud with the spacing of a share of the voxel; None where it is too sparse for that.
 
-        Parameters
-        ----------
-        share : float
-            Spacing of the surface, in voxels.
-
-        Returns
-        -------
-        FineSurface or None
-            Made once for each share; None where that is too fine for the cloud.
-
-        Examples
-        --------
-        >>> from cgroup.datasets import standin_pair
-        >>> from cgroup.registration import prepare
-        >>> scan = prepare(standin_pair(pixels=60).source, voxel=6.0)
-        >>> scan.fine_surface(2 / 3).spacing, scan.fine_surface(1e-3)
-        (4.0, None)
+        :meta private:
         """
         if share not in self._fine_surfaces:
             try:
@@ -225,25 +204,9 @@ class PreparedScan:
         return self._fine_surfaces[share]
 
     def thinned(self, share: float) -> FloatArray:
-        """Return the points of the cloud, one for each cell of a share of the voxel.
+        """Return the mean point of each cell of a share of the voxel, (n,3).
 
-        Parameters
-        ----------
-        share : float
-            Edge length of the cells, in voxels.
-
-        Returns
-        -------
-        (n,3) array of float64
-            Made once for each share.
-
-        Examples
-        --------
-        >>> from cgroup.datasets import standin_pair
-        >>> from cgroup.registration import prepare
-        >>> scan = prepare(standin_pair(pixels=60).source, voxel=6.0)
-        >>> len(scan) < len(scan.thinned(0.5)) < len(scan.scan.cloud)
-        True
+        :meta private:
         """
         if share not in self._thinned:
             size = share * self.voxel
@@ -252,19 +215,9 @@ class PreparedScan:
 
     @cached_property
     def turned_by_frames(self) -> PreparedScan:
-        """The same scan with normals to the side of SHOT's z axis.
+        """The same scan with normals to the side of SHOT's z axis, as a partner without viewpoint needs.
 
-        That is what a partner without a viewpoint needs. The scan itself where its normals are so already;
-        otherwise made once.
-
-        Examples
-        --------
-        >>> from cgroup.datasets import standin_pair
-        >>> from cgroup.registration import prepare
-        >>> pair = standin_pair(pixels=60)
-        >>> scan = prepare(pair.source, viewpoint=pair.source_viewpoint)
-        >>> scan.by_frames, scan.turned_by_frames.by_frames
-        (False, True)
+        :meta private:
         """
         if self.by_frames:
             return self
@@ -273,17 +226,9 @@ class PreparedScan:
 
     @cached_property
     def shows_layers(self) -> bool:
-        """Whether points lie behind each other as seen from the viewpoint.
+        """Whether points lie behind each other as seen from the viewpoint; in a single scan none do.
 
-        In a single scan none do, but at edges.
-
-        Examples
-        --------
-        >>> from cgroup.datasets import standin_pair
-        >>> from cgroup.registration import prepare
-        >>> pair = standin_pair(pixels=60)
-        >>> prepare(pair.source, viewpoint=pair.source_viewpoint).shows_layers
-        False
+        :meta private:
         """
         return self.viewpoint is not None and shows_layers(self.scan, self.viewpoint, self.voxel)
 
@@ -291,36 +236,14 @@ class PreparedScan:
     def planes(self) -> Planes:
         """Planes of the voxels, the largest first.
 
-        Examples
-        --------
-        >>> from cgroup.datasets import standin_pair
-        >>> from cgroup.registration import prepare
-        >>> scan = prepare(standin_pair(pixels=60).source, voxel=6.0)
-        >>> len(scan.planes.labels) == len(scan)
-        True
+        :meta private:
         """
         return find_planes(self.voxels.points, self.voxel)
 
     def cells(self, surface: FineSurface) -> IndexArray:
-        """Return the cell of 4 voxels of each sample of a fine surface.
+        """Return the cell of 4 voxels of each sample of a fine surface; -1 for samples by a plane.
 
-        Parameters
-        ----------
-        surface : FineSurface
-            One of this scan.
-
-        Returns
-        -------
-        (n,) array of int
-            Made once for each surface; -1 for samples by a plane.
-
-        Examples
-        --------
-        >>> from cgroup.datasets import standin_pair
-        >>> from cgroup.registration import prepare
-        >>> scan = prepare(standin_pair(pixels=60).source, voxel=6.0)
-        >>> bool(scan.cells(scan.fine_surface(2 / 3)).max() < len(scan))
-        True
+        :meta private:
         """
         if surface.spacing not in self._cells:
             points = sample_points(surface)
@@ -330,35 +253,9 @@ class PreparedScan:
         return self._cells[surface.spacing]
 
     def resized(self, factor: float, begin: Callable[[str], Any] = ignore_progress) -> PreparedScan:
-        """Make the same scan ready with voxels of another size.
+        """Prepare the same scan with voxels of another size, a factor of those of now.
 
-        Parameters
-        ----------
-        factor : float
-            New edge length over that of now.
-        begin : callable
-            Called with the name of each stage as it begins; by default nothing is.
-
-        Returns
-        -------
-        PreparedScan
-            With the same viewpoint and radii.
-
-        Raises
-        ------
-        InputError
-            If the new voxel leaves too little or too much of the cloud, or is not positive.
-        OutOfMemoryError
-            Where the system gives no memory for the computation.
-
-        Examples
-        --------
-        >>> from cgroup.datasets import standin_pair
-        >>> from cgroup.registration import prepare
-        >>> scan = prepare(standin_pair(pixels=60).source, voxel=6.0)
-        >>> finer = scan.resized(0.75)
-        >>> finer.voxel, len(finer) > len(scan)
-        (4.5, True)
+        :meta private:
         """
         finer = Preparation(factor * self.voxel, self.front, self.threads)
         return finer.prepare(self.scan, self.viewpoint, begin, by_frames=self.by_frames)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cgroup._checks.arrays import as_direction
 from cgroup._checks.calls import explain_wrong_calls
@@ -15,32 +17,22 @@ from cgroup._runtime.memory import report_refused_memory
 from cgroup._runtime.progress import StageClock, as_stage_function
 from cgroup._runtime.workers import count_workers, work_side_by_side
 from cgroup.errors import InputError, NoConsensusError
+from cgroup.features import Cloud
 from cgroup.group import check_method
 from cgroup.registration.confirm import confirm_pose
-from cgroup.registration.judge import is_accepted, judge
+from cgroup.registration.judge import Judgement, is_accepted, judge
 from cgroup.registration.nearby import as_nearby
 from cgroup.registration.own import as_matches, as_own_descriptors
 from cgroup.registration.paper_front import PaperFront
-from cgroup.registration.prepare import DenseFront, agree, as_given
-from cgroup.registration.result import registration_of
+from cgroup.registration.prepare import DenseFront, Given, PreparedScan, agree, as_given
+from cgroup.registration.result import Registration, registration_of
 from cgroup.registration.scale import register_scaled
 from cgroup.registration.scan import as_viewpoint
-from cgroup.registration.search import EFFORTS, Search
+from cgroup.registration.search import EFFORTS, Effort, Search
+from cgroup.registry import MethodName
 from cgroup.rigid import apply, check_rigid
+from cgroup.types import AnyCloud, Correspondences
 from cgroup.verification import verify
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
-
-    from numpy.typing import ArrayLike
-
-    from cgroup.features import Cloud
-    from cgroup.registration.judge import Judgement
-    from cgroup.registration.prepare import Given, PreparedScan
-    from cgroup.registration.result import Registration
-    from cgroup.registration.search import Effort
-    from cgroup.registry import MethodName
-    from cgroup.types import AnyCloud, Correspondences
 
 FRONTS = ("dense", "paper")
 

@@ -2,29 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cgroup import features
 from cgroup._checks.values import as_choice
 from cgroup._show.drawing import plot
 from cgroup._show.notebook import pose_html, result_table
-from cgroup.registration.covariance import CONVENTIONS, covariance_in, covariance_of, deviations_at
+from cgroup.registration.covariance import (
+    CONVENTIONS,
+    Convention,
+    covariance_in,
+    covariance_of,
+    deviations_at,
+)
+from cgroup.registration.judge import Found, Judgement
 from cgroup.registration.matching import scale_matches
 from cgroup.rigid import apply, split_scale
-from cgroup.types import PointCloud, as_cloud
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-    from typing import Any
-
-    from numpy.typing import ArrayLike
-
-    from cgroup.registration.covariance import Convention
-    from cgroup.registration.judge import Found, Judgement
-    from cgroup.types import AnyCloud, Correspondences, FloatArray, Grouping
+from cgroup.types import AnyCloud, Correspondences, FloatArray, Grouping, PointCloud, as_cloud
 
 SCAN_COLORS = (230, 159, 0), (0, 114, 178)
 """Red, green and blue of source and target, where they have no colours of their own."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,10 +16,8 @@ from cgroup import _core
 from cgroup._checks.arrays import in_double
 from cgroup._checks.run_options import run_options
 from cgroup.features import Cloud
-
-if TYPE_CHECKING:
-    from cgroup.registration.scan import Scan
-    from cgroup.types import FloatArray, IndexArray
+from cgroup.registration.scan import Scan
+from cgroup.types import FloatArray, IndexArray
 
 _LEAST_RINGS, _MOST_RINGS = 8, 40
 _MOST_POINTS = 200_000  # of so few rings

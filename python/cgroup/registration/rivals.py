@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import itertools
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cgroup.registration.motions import motion, resistance
+from cgroup.registration.prepare import PreparedScan
 from cgroup.rigid import apply
-
-if TYPE_CHECKING:
-    from cgroup.registration.prepare import PreparedScan
-    from cgroup.types import FloatArray
+from cgroup.types import FloatArray
 
 _STEP, _FIRST, _LAST = 4.0, 10.0, 62.0  # of slides, in voxels
 _DIRECTIONS = 2

@@ -7,9 +7,10 @@ one scale, as in TEASER++ (Yang, Shi, Carlone, T-RO 2021), then tell it closer; 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cgroup import features
 from cgroup._checks.arrays import in_double
@@ -19,6 +20,9 @@ from cgroup.features import Cloud
 from cgroup.features.voxels import choose_thinning
 from cgroup.registration.judge import (
     MOST_OPEN_MOTIONS,
+    Case,
+    Found,
+    Judgement,
     are_alternatives,
     bound_by_motions,
     judge,
@@ -28,18 +32,12 @@ from cgroup.registration.judge import (
 from cgroup.registration.matching import scale_matches
 from cgroup.registration.motions import OPEN
 from cgroup.registration.prepare import DenseFront, Given, Preparation, agree
-from cgroup.registration.result import registration_of
+from cgroup.registration.result import Registration, registration_of
 from cgroup.registration.scan import ViewDirection
+from cgroup.registration.search import Search
 from cgroup.registration.similarity import Similarity, fit_similarity
 from cgroup.rigid import scaling
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from cgroup.registration.judge import Case, Found, Judgement
-    from cgroup.registration.result import Registration
-    from cgroup.registration.search import Search
-    from cgroup.types import FloatArray
+from cgroup.types import FloatArray
 
 WITHIN = 3.0
 """Factor around the ratio of the clouds' sizes within which the scale is sought."""

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
+from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cgroup import _core, features
 from cgroup._checks.arrays import (
@@ -20,19 +22,11 @@ from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_length
 from cgroup._runtime.cached import cached_property
 from cgroup.errors import InputError
-from cgroup.features import Cloud, sample_mesh
+from cgroup.features import Cloud, Viewpoint, sample_mesh
 from cgroup.features._places import find_distinct, renumber
 from cgroup.features.cloud import core_cloud
 from cgroup.features.meshes import longest_edges
-from cgroup.types import PointCloud, find_cloud
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import ArrayLike
-
-    from cgroup.features import Viewpoint
-    from cgroup.types import AnyCloud, BoolArray, FloatArray, IndexArray, RealArray
+from cgroup.types import AnyCloud, BoolArray, FloatArray, IndexArray, PointCloud, RealArray, find_cloud
 
 Normals: TypeAlias = Literal["pca", "mesh", "given"]
 NORMALS: tuple[Normals, ...] = ("pca", "mesh", "given")

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
 from cgroup._runtime.cached import cached_property
+from cgroup._runtime.progress import StageClock
 from cgroup.errors import InputError
 from cgroup.features import ORIGIN
 from cgroup.registration.covariance import count_open_motions
@@ -28,25 +30,17 @@ from cgroup.registration.judge import (
     weigh,
 )
 from cgroup.registration.matching import frame_poses, match_both_ways, propose_poses, take_matches
+from cgroup.registration.nearby import Nearby
 from cgroup.registration.own import describe_voxels, match_nothing
-from cgroup.registration.paper_front import correspond_by
+from cgroup.registration.paper_front import PaperFront, correspond_by
 from cgroup.registration.parts import propose_by_parts
-from cgroup.registration.prepare import FEW_POINTS, fine_surfaces
+from cgroup.registration.prepare import FEW_POINTS, PreparedScan, fine_surfaces
 from cgroup.registration.rivals import propose_rivals
 from cgroup.registration.similarity import compare_scales
 from cgroup.rigid import invert
-from cgroup.verification import align, verify
+from cgroup.types import BoolArray, Correspondences, FloatArray, RealArray
+from cgroup.verification import Alignment, Verification, align, verify
 from cgroup.verification.alignment import align_each
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    from cgroup._runtime.progress import StageClock
-    from cgroup.registration.nearby import Nearby
-    from cgroup.registration.paper_front import PaperFront
-    from cgroup.registration.prepare import PreparedScan
-    from cgroup.types import BoolArray, Correspondences, FloatArray, RealArray
-    from cgroup.verification import Alignment, Verification
 
 Effort: TypeAlias = Literal["low", "normal", "high"]
 EFFORTS: tuple[Effort, ...] = ("low", "normal", "high")

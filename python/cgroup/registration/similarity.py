@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from cgroup import _core
 from cgroup._checks.run_options import run_options
-from cgroup.registration.judge import is_accepted
+from cgroup.registration.judge import Found, is_accepted
 from cgroup.registration.motions import OPEN, motion
+from cgroup.registration.prepare import PreparedScan
 from cgroup.rigid import apply, cross_products, scaling, split_scale
-
-if TYPE_CHECKING:
-    from cgroup.registration.judge import Found
-    from cgroup.registration.prepare import PreparedScan
-    from cgroup.types import FloatArray
+from cgroup.types import FloatArray
 
 BEND = 6.0
 """Edge of the cells whose mean residuals tell of bends, in voxels."""

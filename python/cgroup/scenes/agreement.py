@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import itertools
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cgroup.rigid import axis_of, invert
-
-if TYPE_CHECKING:
-    from cgroup.types import FloatArray, IndexArray
+from cgroup.types import FloatArray, IndexArray
 
 DISAGREES = 22.46
 """Squared error above which two poses differ: quantile .999 of chi-squared with six degrees of freedom."""

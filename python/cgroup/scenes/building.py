@@ -3,31 +3,27 @@
 from __future__ import annotations
 
 import heapq
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cgroup._runtime.progress import StageClock, ignore_progress
+from cgroup.registration import PreparedScan
 from cgroup.registration.judge import SURE, is_accepted
 from cgroup.registration.motions import adjoint
+from cgroup.registration.search import Effort
 from cgroup.rigid import invert
 from cgroup.scenes.agreement import DISAGREES, SHIFT, TURN, weigh_by_triangles
 from cgroup.scenes.decide import FIRM, Decision, anchor, decide, graph_of, weigh_residuals
 from cgroup.scenes.join import Join, cross_tasks, link_unions, propose_joins, task_of, weigh_join
 from cgroup.scenes.links import Link, link, weigh_pose
 from cgroup.scenes.partners import choose_partners, describe_scans
+from cgroup.scenes.pose_graph import PoseGraph
 from cgroup.scenes.refine import find_overlapping, lay_on_each_other, lay_on_unions
 from cgroup.scenes.scene import Edge, Scene
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from cgroup.registration import PreparedScan
-    from cgroup.registration.search import Effort
-    from cgroup.scenes.pose_graph import PoseGraph
-    from cgroup.scenes.workers import CallEach
-    from cgroup.types import FloatArray
+from cgroup.scenes.workers import CallEach
+from cgroup.types import FloatArray
 
 ALL_PAIRS = 20
 """Scans up to which every pair is tried."""

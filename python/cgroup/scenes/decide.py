@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,13 +12,9 @@ from cgroup.registration.judge import ACCEPTED
 from cgroup.registration.motions import about
 from cgroup.rigid import invert
 from cgroup.scenes.agreement import SHIFT, TURN, squared_errors, weigh_by_triangles
+from cgroup.scenes.links import Link
 from cgroup.scenes.pose_graph import PoseGraph
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping
-
-    from cgroup.scenes.links import Link
-    from cgroup.types import BoolArray, FloatArray, IndexArray
+from cgroup.types import BoolArray, FloatArray, IndexArray
 
 FIRM = 0.9
 """Probability that the links between two parts need together, for the parts to hang together."""

@@ -2,28 +2,23 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from cgroup import features
 from cgroup._runtime.progress import ignore_progress
+from cgroup.registration import PreparedScan
 from cgroup.registration.judge import choose_apart
 from cgroup.registration.prepare import Preparation
 from cgroup.registration.scan import as_scan
+from cgroup.registration.search import Effort
 from cgroup.rigid import apply, invert
-from cgroup.scenes.links import link
-from cgroup.types import PointCloud
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from cgroup.registration import PreparedScan
-    from cgroup.registration.search import Effort
-    from cgroup.scenes.decide import Decision
-    from cgroup.scenes.kept_links import Task
-    from cgroup.scenes.links import Link
-    from cgroup.types import FloatArray
+from cgroup.scenes.decide import Decision
+from cgroup.scenes.kept_links import Task
+from cgroup.scenes.links import Link, link
+from cgroup.types import FloatArray, PointCloud
 
 IN_A_UNION = 8
 """Scans that are merged around one scan."""

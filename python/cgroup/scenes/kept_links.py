@@ -10,22 +10,19 @@ import hashlib
 import json
 import sqlite3
 import threading
+from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any, TypeAlias
+from pathlib import Path
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from cgroup import __version__
 from cgroup._runtime.sqlite import Layout, open_or_make
 from cgroup.errors import InputError
+from cgroup.registration import PreparedScan
 from cgroup.scenes.links import Link
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Generator, Sequence
-    from pathlib import Path
-
-    from cgroup.registration import PreparedScan
 
 _TABLE = "create table links (key blob primary key, link text, digest blob) without rowid"
 _LAYOUT = Layout(0x63676C6B, 2, _TABLE)

@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cgroup._runtime.progress import StageClock, ignore_progress
+from cgroup.registration import PreparedScan
 from cgroup.registration.confirm import confirm_pose
 from cgroup.registration.covariance import covariance_of
-from cgroup.registration.judge import bound_by_motions, is_accepted, share_probability
+from cgroup.registration.judge import Found, bound_by_motions, is_accepted, share_probability
 from cgroup.registration.motions import adjoint
-from cgroup.registration.search import Search
+from cgroup.registration.search import Effort, Search
 from cgroup.rigid import invert
-
-if TYPE_CHECKING:
-    from cgroup.registration import PreparedScan
-    from cgroup.registration.judge import Found
-    from cgroup.registration.search import Effort
-    from cgroup.types import FloatArray
+from cgroup.types import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from itertools import count, islice
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.random import default_rng
+from numpy.typing import ArrayLike
 
 from cgroup._checks.arrays import as_direction, as_place
 from cgroup._checks.calls import explain_wrong_calls
@@ -18,7 +20,9 @@ from cgroup._runtime.memory import report_refused_memory
 from cgroup._runtime.progress import StageClock, as_stage_function
 from cgroup._runtime.workers import count_workers, work_side_by_side
 from cgroup.errors import InputError
+from cgroup.features import Cloud
 from cgroup.features.voxels import choose_thinning
+from cgroup.registration import Registration
 from cgroup.registration.judge import (
     Case,
     Found,
@@ -35,21 +39,12 @@ from cgroup.registration.judge import (
 from cgroup.registration.prepare import DenseFront, Preparation, PreparedScan, as_given
 from cgroup.registration.result import registration_of
 from cgroup.registration.scan import as_viewpoint
-from cgroup.registration.search import EFFORTS, RIVALS, Search
+from cgroup.registration.search import EFFORTS, RIVALS, Effort, Search
 from cgroup.registration.similarity import compare_scales
 from cgroup.rigid import apply
 from cgroup.scenes.maps import CELL, Level, PreparedMap
 from cgroup.scenes.plan_view import Disk, find_layers
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from numpy.typing import ArrayLike
-
-    from cgroup.features import Cloud
-    from cgroup.registration import Registration
-    from cgroup.registration.search import Effort
-    from cgroup.types import AnyCloud, BoolArray, FloatArray, IndexArray
+from cgroup.types import AnyCloud, BoolArray, FloatArray, IndexArray
 
 VOXELS = 1200
 """Voxels that a scan is thinned to, about."""

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import json
 import zlib
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cgroup.errors import InputError
 from cgroup.io._files import load_json, read_content
 from cgroup.io._numpy_files import load_npy
 from cgroup.io._parts import folder_made_whole
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from pathlib import Path
-
-    from numpy.typing import NDArray
 
 _FACTS = "map.json"
 _VERSION = 2

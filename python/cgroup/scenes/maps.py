@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cgroup import features
 from cgroup._checks.arrays import in_double
@@ -16,21 +19,13 @@ from cgroup._runtime.memory import report_refused_memory
 from cgroup._runtime.progress import as_stage_function, ignore_progress
 from cgroup.errors import InputError
 from cgroup.features import Cloud, DescribedCloud, Voxels
-from cgroup.registration import DenseFront
+from cgroup.registration import DenseFront, PreparedScan
 from cgroup.registration.prepare import LEAST_VOXELS, UNIT, Preparation, assemble
 from cgroup.registration.scan import Scan, as_scan, as_surface, without_strays
 from cgroup.scenes.map_files import load_arrays, not_a_map, save_arrays
 from cgroup.scenes.plan_view import PlanView, find_layers
 from cgroup.scenes.scene import Scene
-
-if TYPE_CHECKING:
-    import os
-    from collections.abc import Callable, Iterator
-
-    from numpy.typing import NDArray
-
-    from cgroup.registration import PreparedScan
-    from cgroup.types import AnyCloud, FloatArray, IndexArray, RealArray
+from cgroup.types import AnyCloud, FloatArray, IndexArray, RealArray
 
 CELL = 8.0
 """Edge length of the cells of a map, in voxels."""

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from numpy.random import default_rng
 
-if TYPE_CHECKING:
-    from collections.abc import Collection, Sequence
-
-    from cgroup.registration import PreparedScan
-    from cgroup.types import FloatArray
+from cgroup.registration import PreparedScan
+from cgroup.types import FloatArray
 
 _COMPONENTS, _DIMENSIONS = 64, 16
 _TRAINING, _OF_EACH = 20_000, 1500  # descriptors of all scans that the mixture is fitted to; of one scan

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cgroup import _core
 from cgroup._checks.run_options import run_options
 from cgroup._runtime.cached import cached_property
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from numpy.typing import NDArray
-
-    from cgroup.types import FloatArray, IndexArray
+from cgroup.types import FloatArray, IndexArray
 
 _FLAT, _STEEP = 0.9, 0.3  # cosines of normals with the axis: of floors from, of walls up to
 _LEAST_FLAT, _LEAST_WALLS = 0.15, 30  # share of flat voxels, and number of wall voxels, that a plan needs

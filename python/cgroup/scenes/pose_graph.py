@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cgroup import _core
+from cgroup._checks.array_types import BoolArray, FloatArray, IndexArray
 from cgroup._checks.arrays import as_array
 from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_choice, as_flag, as_index, as_path, refusal
@@ -25,14 +29,6 @@ from cgroup.io._graphs import (
     trust_steps,
 )
 from cgroup.rigid import as_poses
-
-if TYPE_CHECKING:
-    import os
-    from collections.abc import Callable
-
-    from numpy.typing import NDArray
-
-    from cgroup._checks.array_types import BoolArray, FloatArray, IndexArray
 
 __all__ = ["PoseGraph"]
 

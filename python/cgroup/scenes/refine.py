@@ -3,27 +3,23 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from typing import TYPE_CHECKING, Any
+from collections.abc import Collection, Sequence
+from typing import Any
 
 import numpy as np
 
 from cgroup.errors import InputError
+from cgroup.registration import PreparedScan
 from cgroup.registration.covariance import LEAST_DEVIATION
 from cgroup.registration.prepare import FINE
 from cgroup.rigid import apply
 from cgroup.scenes.agreement import DISAGREES, squared_errors
-from cgroup.scenes.links import confirm
+from cgroup.scenes.decide import Decision
+from cgroup.scenes.links import Link, confirm
 from cgroup.scenes.pose_graph import PoseGraph
+from cgroup.scenes.workers import CallEach
+from cgroup.types import FloatArray
 from cgroup.verification import FineSurface, align
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Sequence
-
-    from cgroup.registration import PreparedScan
-    from cgroup.scenes.decide import Decision
-    from cgroup.scenes.links import Link
-    from cgroup.scenes.workers import CallEach
-    from cgroup.types import FloatArray
 
 PARTNERS = 6
 """Scans that each scan is laid on, those that it shares most with."""

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cgroup._checks.arrays import as_direction
 from cgroup._checks.calls import explain_wrong_calls
@@ -19,26 +21,18 @@ from cgroup._runtime.progress import StageClock, as_stage_function, ignore_progr
 from cgroup._runtime.workers import count_workers, work_side_by_side
 from cgroup._show.words import counted
 from cgroup.errors import InputError
+from cgroup.features import Cloud
 from cgroup.io._folders import find_clouds
-from cgroup.registration.prepare import agree, as_given
+from cgroup.registration import PreparedScan
+from cgroup.registration.prepare import Given, agree, as_given
 from cgroup.registration.register import as_pairs, as_viewpoints
 from cgroup.registration.scan import MAX_SIZE_RATIO, as_viewpoint
-from cgroup.registration.search import EFFORTS
+from cgroup.registration.search import EFFORTS, Effort
 from cgroup.rigid import as_poses
 from cgroup.scenes.building import Building
+from cgroup.scenes.scene import Scene
 from cgroup.scenes.workers import open_workers
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Generator, Iterable, Sequence
-
-    from numpy.typing import ArrayLike
-
-    from cgroup.features import Cloud
-    from cgroup.registration import PreparedScan
-    from cgroup.registration.prepare import Given
-    from cgroup.registration.search import Effort
-    from cgroup.scenes.scene import Scene
-    from cgroup.types import AnyCloud, FloatArray
+from cgroup.types import AnyCloud, FloatArray
 
 
 @report_refused_memory()

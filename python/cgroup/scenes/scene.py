@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cgroup._checks.arrays import in_double
 from cgroup._checks.hooks import call_hook
@@ -16,6 +17,7 @@ from cgroup._show.drawing import naming_missing_library
 from cgroup._show.notebook import result_table
 from cgroup._show.words import counted, number
 from cgroup.errors import InputError
+from cgroup.features import Cloud
 from cgroup.io import write_cloud, write_file
 from cgroup.io._files import check_outputs, written_path
 from cgroup.io._graphs import GraphContent, format_g2o, format_json
@@ -25,13 +27,7 @@ from cgroup.registration.covariance import covariance_in
 from cgroup.registration.result import merge_clouds
 from cgroup.scenes.pose_graph import PoseGraph
 from cgroup.scenes.scene_files import POSE_FORMATS, WITHOUT_NAMES, format_poses, scan_colors
-from cgroup.types import PointCloud, as_cloud
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from cgroup.features import Cloud
-    from cgroup.types import AnyCloud, FloatArray
+from cgroup.types import AnyCloud, FloatArray, PointCloud, as_cloud
 
 _CLOUDS, _GRAPHS = (".ply", ".pcd"), (".g2o", ".json")
 

@@ -3,20 +3,15 @@
 from __future__ import annotations
 
 import colorsys
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cgroup.io._files import number_lines
 from cgroup.io._graphs import motion_lines
 from cgroup.io._names import list_names
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from cgroup.types import FloatArray
+from cgroup.types import FloatArray
 
 _FIRST_COLORS = bytes.fromhex("E69F00 0072B2 009E73 CC79A7 56B4E9 D55E00 B8AC1B 7A5195")
 """As orange and blue of two scans, further colours that are told apart by every common kind of vision."""

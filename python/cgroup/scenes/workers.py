@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import pickle
 import warnings
+from collections.abc import Callable, Generator, Sequence
 from contextlib import closing, contextmanager, nullcontext
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 from cgroup import __version__
 from cgroup._checks.values import as_path
@@ -14,15 +16,9 @@ from cgroup._runtime.cluster import WorkersDiedError, reach_cluster, work_on_clu
 from cgroup._runtime.progress import ignore_progress
 from cgroup._runtime.workers import count_workers, work_side_by_side
 from cgroup.errors import InputError
-from cgroup.scenes.kept_links import KeptLinks
+from cgroup.registration import PreparedScan
+from cgroup.scenes.kept_links import KeptLinks, Task
 from cgroup.scenes.links import Link
-
-if TYPE_CHECKING:
-    import os
-    from collections.abc import Callable, Generator, Sequence
-
-    from cgroup.registration import PreparedScan
-    from cgroup.scenes.kept_links import Task
 
 CallEach: TypeAlias = "Callable[[Callable[..., Any], Sequence[Task]], list[Any]]"
 """Calls a function with the scans and arguments of each task; returns results in the order of the tasks."""

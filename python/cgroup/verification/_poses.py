@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cgroup._checks.arrays import as_floats
 from cgroup.errors import InputError
 from cgroup.rigid import RIGID_TOLERANCE, cross_products
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from cgroup.types import FloatArray
+from cgroup.types import FloatArray
 
 
 def as_poses(value: ArrayLike, name: str = "poses") -> FloatArray:

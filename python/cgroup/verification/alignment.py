@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cgroup import _core
 from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_instance, as_length
-from cgroup.features.cloud import core_cloud
+from cgroup.features.cloud import CloudLike, core_cloud
+from cgroup.types import FloatArray
 from cgroup.verification._poses import as_pose
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from cgroup.features.cloud import CloudLike
-    from cgroup.types import FloatArray
 
 SAMPLES = 3000
 """Samples of a fine surface."""

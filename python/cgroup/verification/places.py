@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from cgroup import _core
 from cgroup._checks.run_options import run_options
 from cgroup.verification._poses import as_pose
-from cgroup.verification.surface import core_surfaces
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import ArrayLike, NDArray
-
-    from cgroup.verification.surface import Surface
+from cgroup.verification.surface import Surface, core_surfaces
 
 
 class Place(IntEnum):

@@ -3,20 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+
+from numpy.typing import ArrayLike
 
 from cgroup import _core
 from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_instance, as_length
-from cgroup.types import Correspondences
+from cgroup.types import Correspondences, FloatArray, IndexArray
 from cgroup.verification._poses import as_poses
-from cgroup.verification.surface import core_surfaces
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from cgroup.types import FloatArray, IndexArray
-    from cgroup.verification.surface import Surface
+from cgroup.verification.surface import Surface, core_surfaces
 
 DIFFERENT_DEGREES, DIFFERENT_UNITS = _core.DIFFERENT_POSES
 """Angle, or displacement of the source's centre in units, beyond which two poses differ."""

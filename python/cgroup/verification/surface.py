@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from numpy.typing import ArrayLike
 
 from cgroup import _core
 from cgroup._checks.arrays import as_place, real_normals, real_points
 from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_flag, as_instance, as_number
 from cgroup.errors import InputError
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from cgroup.types import AnyCloud
+from cgroup.types import AnyCloud
 
 
 class Surface:

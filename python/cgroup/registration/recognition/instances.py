@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from cgroup._runtime.progress import StageClock
 from cgroup.features import DescribedCloud
 from cgroup.registration.covariance import count_open_motions
 from cgroup.registration.judge import Found, is_accepted, judge
 from cgroup.registration.matching import frame_poses, match_both_ways, propose_poses, take_matches
-from cgroup.registration.prepare import LEAST_VOXELS
+from cgroup.registration.prepare import LEAST_VOXELS, PreparedScan
 from cgroup.registration.recognition.sighting import Sighting, look_at
-from cgroup.registration.result import registration_of
+from cgroup.registration.result import Registration, registration_of
+from cgroup.types import BoolArray, Correspondences, FloatArray
 from cgroup.verification import verify
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from cgroup._runtime.progress import StageClock
-    from cgroup.registration.prepare import PreparedScan
-    from cgroup.registration.result import Registration
-    from cgroup.types import BoolArray, Correspondences, FloatArray
 
 _SAME_PLACE = 0.8  # of what one pose explains that another explains too
 _AS_GOOD = 0.8

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from numpy.typing import ArrayLike
 
 from cgroup._checks.arrays import as_place
 from cgroup._checks.calls import explain_wrong_calls
@@ -11,21 +14,13 @@ from cgroup._checks.values import as_count, as_named
 from cgroup._runtime.memory import report_refused_memory
 from cgroup._runtime.progress import StageClock, as_stage_function
 from cgroup.errors import InputError
+from cgroup.features import Cloud
 from cgroup.features.voxels import choose_thinning
-from cgroup.registration.prepare import PreparedScan, agree, as_given
+from cgroup.registration.prepare import Given, PreparedScan, agree, as_given
 from cgroup.registration.recognition.instances import InstanceSearch
+from cgroup.registration.result import Registration
 from cgroup.registration.scan import as_model, as_point_cloud, as_viewpoint
-from cgroup.types import PointCloud
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-
-    from numpy.typing import ArrayLike
-
-    from cgroup.features import Cloud
-    from cgroup.registration.prepare import Given
-    from cgroup.registration.result import Registration
-    from cgroup.types import AnyCloud
+from cgroup.types import AnyCloud, PointCloud
 
 _MODEL_VOXELS = 5_000
 _SCENE_VOXELS = 10_000

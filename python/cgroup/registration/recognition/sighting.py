@@ -9,19 +9,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cgroup._runtime.cached import cached_property
-from cgroup.registration.prepare import fine_surfaces
+from cgroup.registration.prepare import PreparedScan, fine_surfaces
 from cgroup.rigid import invert
-from cgroup.verification import Place, align, places
-
-if TYPE_CHECKING:
-    from cgroup.registration.prepare import PreparedScan
-    from cgroup.types import BoolArray, FloatArray, IndexArray
-    from cgroup.verification import Alignment
+from cgroup.types import BoolArray, FloatArray, IndexArray
+from cgroup.verification import Alignment, Place, align, places
 
 _SPACINGS = (1 / 2, 1.0)
 _BACKGROUND = 0.3  # of a point that should have been seen: scans have holes
