@@ -43,25 +43,6 @@ def apply(transform: FloatArray, points: RealArray) -> FloatArray:
     -------
     (N,3) array of float64
         R p + t of each.
-
-    Raises
-    ------
-    InputError
-        If a shape differs, or holds no numbers.
-
-    See Also
-    --------
-    check_rigid : Validates a rigid transform.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cgroup.rigid import apply
-    >>> shift = np.eye(4)
-    >>> shift[:3, 3] = [1, 2, 3]
-    >>> apply(shift, np.zeros((2, 3)))
-    array([[1., 2., 3.],
-           [1., 2., 3.]])
     """
     matrix = _matrix("transform", transform)
     with np.errstate(invalid="ignore", over="ignore"):  # points that aren't finite stay so
@@ -80,20 +61,6 @@ def invert(transform: FloatArray) -> FloatArray:
     -------
     (4,4) array of float64
         The inverse matrix.
-
-    Raises
-    ------
-    InputError
-        If the shape differs, or the matrix has no inverse.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cgroup.rigid import invert
-    >>> shift = np.eye(4)
-    >>> shift[:3, 3] = [1, 2, 3]
-    >>> invert(shift)[:3, 3]
-    array([-1., -2., -3.])
     """
     try:
         return np.linalg.inv(_matrix("transform", transform)).astype(np.float64, copy=False)
@@ -118,12 +85,6 @@ def check_rigid(transform: ArrayLike, name: str = "transform") -> FloatArray:
     -------
     (4,4) array of float64
         The same numbers as float64; the last row is 0 0 0 1.
-
-    Raises
-    ------
-    InputError
-        If the shape differs, a number isn't finite, the last row isn't 0 0 0 1, or the upper left
-        3x3 block isn't a rotation to within `RIGID_TOLERANCE`; or if `name` is no text.
 
     Examples
     --------
@@ -215,11 +176,6 @@ def rotation_error(estimated: ArrayLike, true: ArrayLike) -> float:
     float
         In degrees, 0 to 180.
 
-    Raises
-    ------
-    InputError
-        If either isn't a rigid transform.
-
     Examples
     --------
     >>> import numpy as np
@@ -244,11 +200,6 @@ def translation_error(estimated: ArrayLike, true: ArrayLike) -> float:
     -------
     float
         In the data's unit. It depends on where the origin of the source lies.
-
-    Raises
-    ------
-    InputError
-        If either isn't a rigid transform.
 
     Examples
     --------

@@ -17,32 +17,23 @@ from cgroup.types import AnyCloud, RealArray
 
 
 class Cloud:
-    """A point cloud made ready once, for all functions of `cgroup.features`.
+    """A point cloud that is checked and indexed once for all functions of `cgroup.features`.
 
-    Each of them takes an array too, but then checks, centres and indexes it anew. A `Cloud` keeps its
-    search for nearest neighbours, those within the last three radii, and its resolution; that takes up to
-    240 bytes per point. Results are the same bits. Threads may share a cloud.
+    Each of them takes an array too, but then checks, centres and indexes it again. A `Cloud` keeps its
+    search tree, the neighbours within the last three radii, and its resolution: up to 240 bytes per point.
+    Results are the same bits. Threads may share a cloud.
 
     Parameters
     ----------
     points : (N,3) array_like of float
-        Finite. Arrays of float32 and float64 are read where they lie; don't change them while the cloud is in
-        use.
+        Finite. Arrays of float32 and float64 are not copied; don't change them while the cloud is in use.
     name : str
-        What error messages call the points.
+        Name of the points in error messages.
 
     Attributes
     ----------
     points : (N,3) array of float32 or float64
         As given, read-only.
-
-    Raises
-    ------
-    InputError
-        For a wrong shape, or a coordinate that is not finite (the message names the row); for a name that is
-        no text.
-    OutOfMemoryError
-        Where the system gives no memory for the computation.
 
     Examples
     --------
@@ -72,26 +63,12 @@ class Cloud:
 
     @property
     def points(self) -> RealArray:
-        """The points as given, read-only: (N,3) array of float32 or float64.
-
-        Examples
-        --------
-        >>> from cgroup import features
-        >>> features.Cloud([[0, 0, 0], [3, 4, 0]]).points[1].tolist()
-        [3.0, 4.0, 0.0]
-        """
+        """The points as given, read-only: (N,3) array of float32 or float64."""
         return self._points
 
     @property
     def diagonal(self) -> float:
-        """Diagonal of the bounding box, in the unit of the points.
-
-        Examples
-        --------
-        >>> from cgroup import features
-        >>> features.Cloud([[0, 0, 0], [3, 4, 0]]).diagonal
-        5.0
-        """
+        """Diagonal of the bounding box, in the unit of the points."""
         return self._core.diagonal
 
     def __len__(self) -> int:
@@ -138,9 +115,11 @@ def points_of(points: CloudLike) -> RealArray:
 
 @explain_wrong_calls
 def resolution(points: CloudLike, *, ignore_zero: bool = False, threads: int | None = None) -> float:
-    """Mean distance of a point to its nearest other point, the unit *pr*.
+    """Return the mean distance of a point to its nearest other point, the unit *pr*.
 
     Points that coincide count once.
+
+    `threads` is as for `shot`.
 
     Parameters
     ----------
@@ -148,20 +127,11 @@ def resolution(points: CloudLike, *, ignore_zero: bool = False, threads: int | N
         Two distinct points or more.
     ignore_zero : bool
         Leave out points that have a duplicate, rather than count them once.
-    threads : int, optional
-        Threads to compute on, None for all cores. The result does not depend on it.
 
     Returns
     -------
     float
         A length in the unit of the points.
-
-    Raises
-    ------
-    InputError
-        For fewer than two distinct points, or where they aren't (N,3), finite and below 1e150.
-    OutOfMemoryError
-        Where the system gives no memory for the computation.
 
     Examples
     --------

@@ -12,7 +12,7 @@ from cgroup.types import FloatArray, IndexArray
 
 @dataclass(frozen=True, eq=False)
 class DescribedCloud:
-    """Keypoints ready to be matched; row i of each array is one keypoint.
+    """Described keypoints; row i of each array is one keypoint.
 
     Attributes
     ----------
@@ -28,14 +28,6 @@ class DescribedCloud:
         The unit pr that the radii were multiples of.
     centroid : (3,) array of float64
         Of the whole cloud.
-
-    Examples
-    --------
-    >>> from cgroup.datasets import standin_pair
-    >>> from cgroup.registration import describe
-    >>> described = describe(standin_pair(pixels=60).source, descriptor="lfsh")
-    >>> described.descriptors.shape == (len(described), 30)
-    True
     """
 
     indices: IndexArray

@@ -26,7 +26,7 @@ def shot(
     pcl_compat: bool = True,
     threads: int | None = None,
 ) -> NDArray[np.float32]:
-    """SHOT descriptors of 352 numbers: signatures of histograms of orientations.
+    """Return SHOT descriptors of 352 numbers: signatures of histograms of orientations.
 
     As PCL's ``SHOTEstimation``, after Tombari, Salti, Di Stefano, ECCV 2010. Histograms of the angle between
     the neighbours' normals and the frame's z axis, in 32 volumes of the ball. Cost O(m k), k points per ball.
@@ -46,20 +46,12 @@ def shot(
     pcl_compat : bool
         Wrap the cosine's interpolation past the last-but-one bin to the first, as PCL does.
     threads : int, optional
-        Threads to compute on, None for all cores. The result does not depend on it.
+        Number of threads; all cores by default. The result does not depend on it.
 
     Returns
     -------
     (m,352) array of float32
         Rows of unit length; NaN rows without a frame or with fewer than 5 points in the ball.
-
-    Raises
-    ------
-    InputError
-        If points aren't (N,3), finite and below 1e150; for normals that aren't one per point, keypoints that
-        are no rows of the points, frames that aren't one per keypoint, or a radius that is not positive.
-    OutOfMemoryError
-        Where the system gives no memory for the computation.
 
     Examples
     --------
@@ -97,49 +89,18 @@ def lfsh(
     radius: float,
     threads: int | None = None,
 ) -> NDArray[np.float32]:
-    """LFSH descriptors of 30 numbers: local feature statistics histograms.
+    """Return LFSH descriptors of 30 numbers: local feature statistics histograms.
 
     After Yang, Cao, Zhang, Information Sciences 2016. Histograms of local depth, horizontal distance from the
     normal's axis, and angle between normals. Cost O(m k), k points per ball.
 
-    Parameters
-    ----------
-    points : Cloud or (N,3) array_like of float
-        Finite, in any unit; make a `Cloud` of them once for several steps.
-    normals : (N,3) array_like of float
-        Consistently oriented.
-    keypoints : (m,) array_like of int
-        Row numbers of points.
-    radius : float
-        Radius of the support, a length; 15 times the `resolution` is usual.
-    threads : int, optional
-        Threads to compute on, None for all cores. The result does not depend on it.
+    Parameters are as for `shot`.
 
     Returns
     -------
     (m,30) array of float32
         Three histograms, each of sum 1; zero rows with fewer than 6 points in the ball, NaN rows where the
         keypoint has no normal.
-
-    Raises
-    ------
-    InputError
-        If points aren't (N,3), finite and below 1e150; for normals that aren't one per point, keypoints that
-        are no rows of the points, or a radius that is not positive.
-    OutOfMemoryError
-        Where the system gives no memory for the computation.
-
-    Examples
-    --------
-    >>> from cgroup import features
-    >>> from cgroup.datasets import standin_pair
-    >>> points = standin_pair(pixels=60).source.points
-    >>> pr = features.resolution(points)
-    >>> descriptors = features.lfsh(
-    ...     points, features.normals(points), [0, 500], radius=15 * pr
-    ... )
-    >>> descriptors.shape, descriptors[0, :10].sum().round(3).item()
-    ((2, 30), 1.0)
     """
     places = places_of(points)
     return _core.lfsh(
@@ -155,43 +116,17 @@ def lfsh(
 def rcs(
     points: CloudLike, keypoints: ArrayLike, *, radius: float, threads: int | None = None
 ) -> NDArray[np.float32]:
-    """RCS descriptors of 72 numbers: rotational contour signatures.
+    """Return RCS descriptors of 72 numbers: rotational contour signatures.
 
     After Yang et al., CVIU 2017. The outline of the local surface in twelve directions, seen from six sides.
     Needs no normals. Cost O(m k), k points per ball.
 
-    Parameters
-    ----------
-    points : Cloud or (N,3) array_like of float
-        Finite, in any unit; make a `Cloud` of them once for several steps.
-    keypoints : (m,) array_like of int
-        Row numbers of points.
-    radius : float
-        Radius of the support, a length; 15 times the `resolution` is usual.
-    threads : int, optional
-        Threads to compute on, None for all cores. The result does not depend on it.
+    Parameters are as for `shot`.
 
     Returns
     -------
     (m,72) array of float32
         Values in [0,1]; zero rows where too few points, or a plane, make no frame.
-
-    Raises
-    ------
-    InputError
-        If points aren't (N,3), finite and below 1e150; for keypoints that are no rows of the points, or a
-        radius that is not positive.
-    OutOfMemoryError
-        Where the system gives no memory for the computation.
-
-    Examples
-    --------
-    >>> from cgroup import features
-    >>> from cgroup.datasets import standin_pair
-    >>> points = standin_pair(pixels=60).source.points
-    >>> pr = features.resolution(points)
-    >>> features.rcs(points, [0, 500], radius=15 * pr).shape
-    (2, 72)
     """
     places = places_of(points)
     rows = places.keypoints(as_rows("keypoints", keypoints))
@@ -209,17 +144,17 @@ def fpfh(
     convention: Literal["open3d", "pcl"] = "open3d",
     threads: int | None = None,
 ) -> NDArray[np.float32]:
-    """FPFH descriptors of 33 numbers: fast point feature histograms.
+    """Return FPFH descriptors of 33 numbers: fast point feature histograms.
 
     After Rusu, Blodow, Beetz, ICRA 2009, section III. Histograms of three angles between the normals of two
     points and the line that joins them; those of the neighbours are summed up, weighted by the inverse of
     their squared distance, and scaled to 100. Cost O(N k), k points per ball; for keypoints only what lies
     around them is computed.
 
+    `points` and `threads` are as for `shot`.
+
     Parameters
     ----------
-    points : Cloud or (N,3) array_like of float
-        Finite, in any unit; make a `Cloud` of them once for several steps.
     normals : (N,3) array_like of float
         Consistently oriented, of unit length; neighbours with a NaN row are left out.
     keypoints : (m,) array_like of int, optional
@@ -227,28 +162,17 @@ def fpfh(
     radius : float
         Radius of the support; 5 voxels is usual for a cloud thinned out by `voxel_downsample`.
     max_neighbors : int or None
-        At most so many nearest points, the point itself included (as Open3D counts them); None for all within
-        the radius.
+        Largest number of nearest points, the point itself included (as in Open3D); None for all within the
+        radius.
     convention : {"open3d", "pcl"}
-        Whose numbers: Open3D's ``compute_fpfh_feature``, which adds the point's own histogram, so that each
-        of the three sums up to 200; or PCL's ``FPFHEstimation``, which doesn't.
-    threads : int, optional
-        Threads to compute on, None for all cores. The result does not depend on it.
+        Open3D's ``compute_fpfh_feature`` adds the point's own histogram, so that each of the three sums up
+        to 200; PCL's ``FPFHEstimation`` does not.
 
     Returns
     -------
     (m,33) array of float32
         11 bins of theta, of alpha and of phi; NaN rows where a point has no normal, zero rows where it has no
         neighbour.
-
-    Raises
-    ------
-    InputError
-        If points aren't (N,3), finite and below 1e150; for normals that aren't one per point, keypoints that
-        are no rows of the points, a radius or a number of neighbours that is not positive, or an unknown
-        convention.
-    OutOfMemoryError
-        Where the system gives no memory for the computation.
 
     Examples
     --------

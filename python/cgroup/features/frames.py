@@ -17,35 +17,18 @@ from cgroup.types import FloatArray
 def shot_lrf(
     points: CloudLike, keypoints: ArrayLike, *, radius: float, threads: int | None = None
 ) -> FloatArray:
-    """Local reference frames of SHOT, the usual ones of `si`, `cv` and `hough3d`.
+    """Return SHOT's local reference frames, the usual ones of `si`, `cv` and `hough3d`.
 
     As PCL's ``SHOTLocalReferenceFrameEstimation``, after Tombari, Salti, Di Stefano, ECCV 2010. Axes are the
     eigenvectors of the scatter about the keypoint, neighbours weighted by ``radius - d``; x and z point to
     the side of most neighbours. Cost O(m k), k points per ball.
 
-    Parameters
-    ----------
-    points : Cloud or (N,3) array_like of float
-        Finite, in any unit; make a `Cloud` of them once for several steps.
-    keypoints : (m,) array_like of int
-        Row numbers of points.
-    radius : float
-        Radius of the support, a length; 15 times the `resolution` is usual.
-    threads : int, optional
-        Threads to compute on, None for all cores. The result does not depend on it.
+    Parameters are as for `shot`.
 
     Returns
     -------
     (m,3,3) array of float64
         Rows are the x, y and z axes, right-handed; a NaN block where fewer than 5 neighbours make no frame.
-
-    Raises
-    ------
-    InputError
-        If points aren't (N,3), finite and below 1e150; for keypoints that are no rows of the points, or a
-        radius that is not positive.
-    OutOfMemoryError
-        Where the system gives no memory for the computation.
 
     Examples
     --------
@@ -70,45 +53,19 @@ def shot_lrf(
 def toldi_lrf(
     points: CloudLike, keypoints: ArrayLike, *, radius: float, threads: int | None = None
 ) -> FloatArray:
-    """Local reference frames of TOLDI.
+    """Return TOLDI's local reference frames.
 
     After Yang, Zhang, Xiao, Cao, Pattern Recognition 2017. z is the plane normal of the ball of a third of
     the radius, away from its points; x is a sum of the neighbours' projections weighted by nearness and
     height. Cost O(m k), k points per ball.
 
-    Parameters
-    ----------
-    points : Cloud or (N,3) array_like of float
-        Finite, in any unit; make a `Cloud` of them once for several steps.
-    keypoints : (m,) array_like of int
-        Row numbers of points.
-    radius : float
-        Radius of the support, a length; 15 times the `resolution` is usual.
-    threads : int, optional
-        Threads to compute on, None for all cores. The result does not depend on it.
+    Parameters are as for `shot`.
 
     Returns
     -------
     (m,3,3) array of float64
         Rows are the x, y and z axes, right-handed; a NaN block with fewer than 4 points in the smaller
         ball or 11 in the larger, and on planes.
-
-    Raises
-    ------
-    InputError
-        If points aren't (N,3), finite and below 1e150; for keypoints that are no rows of the points, or a
-        radius that is not positive.
-    OutOfMemoryError
-        Where the system gives no memory for the computation.
-
-    Examples
-    --------
-    >>> from cgroup import features
-    >>> from cgroup.datasets import standin_pair
-    >>> points = standin_pair(pixels=60).source.points
-    >>> pr = features.resolution(points)
-    >>> features.toldi_lrf(points, [0, 500], radius=15 * pr).shape
-    (2, 3, 3)
     """
     places = places_of(points)
     rows = places.keypoints(as_rows("keypoints", keypoints))

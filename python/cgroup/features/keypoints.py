@@ -37,50 +37,40 @@ def harris3d(
     count: int | None = None,
     threads: int | None = None,
 ) -> IndexArray:
-    """Harris 3D keypoints (H3D): where normals vary in all directions.
+    """Return Harris 3D keypoints (H3D): places where normals vary in all directions.
 
     As PCL's ``HarrisKeypoint3D``. With C the mean of ``n n^T`` over the normals within `radius`, the response
     is ``0.04 + det C - 0.04 (trace C)^2``, which is 0 on planes and edges and 1/27 at most. Keypoints are its
-    local maxima. Flat regions tie at 0 and all of them survive, as in PCL: raise `threshold` to 1e-6 to be
-    rid of them. Cost O(N k), k points per ball.
+    local maxima. Flat regions tie at 0 and all of them survive, as in PCL; a `threshold` of
+    1e-6 removes them. Cost O(N k), k points per ball.
+
+    `points` and `threads` are as for `shot`.
 
     Parameters
     ----------
-    points : Cloud or (N,3) array_like of float
-        Finite, in any unit; make a `Cloud` of them once for several steps.
     radius : float, optional
         Radius of normals and response; 2.7 times `resolution` by default.
     resolution : float, optional
-        Mean distance of neighbouring points, a length; computed where it is needed and not given.
+        Mean distance of neighbouring points, a length; computed if it is needed and not given.
     normals : (N,3) array_like of float, optional
         Normals to use; their sign does not matter, NaN rows are left out. By default planes are fitted
         within `radius`.
     response : {"harris", "noble", "lowe", "tomasi", "curvature"}
-        What is maximised: the above, det C / trace C, det C / (trace C)^2, the smallest eigenvalue of C,
-        or the surface variation of the plane fit.
+        The maximised value: the above, det C / trace C, det C / (trace C)^2, the smallest eigenvalue of C, or
+        the surface variation of the plane fit.
     threshold : float
         Least response of a keypoint.
     nms_radius : float, optional
         Radius of the non-maximum suppression; `radius` by default.
     break_ties : bool
-        Of equal responses keep the lowest index only.
+        Keep only the lowest index of equal responses.
     count : int, optional
         Change `nms_radius` by bisection until about this many keypoints remain.
-    threads : int, optional
-        Threads to compute on, None for all cores. The result does not depend on it.
 
     Returns
     -------
     (m,) array of int64
         Ascending row numbers.
-
-    Raises
-    ------
-    InputError
-        If points aren't (N,3), finite and below 1e150; for a length or count that is not positive, or an
-        unknown response; where the radius is not given and all points coincide.
-    OutOfMemoryError
-        Where the system gives no memory for the computation.
 
     Examples
     --------
@@ -126,22 +116,20 @@ def iss(
     backend: Literal["cgroup", "open3d"] = "cgroup",
     threads: int | None = None,
 ) -> IndexArray:
-    """Intrinsic shape signatures (ISS): keypoints where the surface bends all ways.
+    """Return ISS keypoints: intrinsic shape signatures, where the surface bends all ways.
 
     As PCL's ``ISSKeypoint3D``, after Zhong, ICCV workshops 2009. Keypoints are local maxima of the smallest
     eigenvalue of a neighbourhood's scatter, where each eigenvalue is clearly smaller than the one before.
     Cost O(N k), k points per ball.
 
+    Further parameters are as for `harris3d` and as for `shot`.
+
     Parameters
     ----------
-    points : Cloud or (N,3) array_like of float
-        Finite, in any unit; make a `Cloud` of them once for several steps.
     salient_radius : float, optional
         Radius of the scatter; 2.7 times `resolution` by default.
     nms_radius : float, optional
         Radius of the non-maximum suppression; 1.8 times `resolution` by default.
-    resolution : float, optional
-        Mean distance of neighbouring points, a length; computed where it is needed and not given.
     gamma_21, gamma_32 : float
         Bounds on second / first and third / second eigenvalue.
     min_neighbors : int
@@ -150,13 +138,9 @@ def iss(
         Weight neighbours by the inverse of their own number of neighbours, as the original paper does.
     covariance : {"point", "mean"}
         Scatter about the point itself (PCL), or covariance about the ball's mean (Open3D).
-    count : int, optional
-        Change `nms_radius` by bisection until about this many keypoints remain.
     backend : {"cgroup", "open3d"}
-        Open3D's own detector has the two radii, the two bounds and `min_neighbors` only, and the
-        covariance about the mean.
-    threads : int, optional
-        Threads to compute on, None for all cores. The result does not depend on it.
+        Open3D's detector has only the two radii, the two bounds and `min_neighbors`, with the covariance
+        about the mean.
 
     Returns
     -------
@@ -165,14 +149,8 @@ def iss(
 
     Raises
     ------
-    InputError
-        If points aren't (N,3), finite and below 1e150; for a length, bound or count that is not positive, or
-        a word that is none of the choices; for an option that Open3D's detector lacks, with that backend;
-        where a radius is not given and all points coincide.
     CgroupError
-        Where Open3D is asked for and can't be imported.
-    OutOfMemoryError
-        Where the system gives no memory for the computation.
+        If the backend is Open3D, and it can't be imported.
 
     Examples
     --------
@@ -226,34 +204,21 @@ def drop_isolated(
 ) -> IndexArray:
     """Keep the keypoints that have enough points around them to be described.
 
+    Further parameters are as for `shot`.
+
     Parameters
     ----------
-    points : Cloud or (N,3) array_like of float
-        Finite, in any unit; make a `Cloud` of them once for several steps.
-    keypoints : (m,) array_like of int
-        Row numbers of points.
     radius : float, optional
         15 times `resolution` by default.
     resolution : float, optional
-        Mean distance of neighbouring points, a length; computed where it is needed and not given.
+        Mean distance of neighbouring points, a length; computed if it is needed and not given.
     min_points : int
         Least number of distinct points nearer than `radius`, the keypoint itself included.
-    threads : int, optional
-        Threads to compute on, None for all cores. The result does not depend on it.
 
     Returns
     -------
     (k,) array of int64
         Those of `keypoints`, in their order.
-
-    Raises
-    ------
-    InputError
-        If points aren't (N,3), finite and below 1e150; for keypoints that are no rows of the points, or a
-        radius or `min_points` that is not positive; where the radius is not given and all points
-        coincide.
-    OutOfMemoryError
-        Where the system gives no memory for the computation.
 
     Examples
     --------

@@ -39,16 +39,6 @@ class Matches:
     is_mutual : (n,) array of bool
         Whether the source is the nearest of the target; of equally near ones the lowest row is. Where the
         rank is 1 too, each is the other's nearest.
-
-    Examples
-    --------
-    >>> from cgroup import features
-    >>> source, target = [[0, 1], [1, 0]], [[1, 0], [0, 2], [0, 5]]
-    >>> matches = features.match(source, target)
-    >>> matches
-    Matches(n=2)
-    >>> matches.target_indices, matches.distance, matches.ratio.round(2)
-    (array([1, 0]), array([1., 0.]), array([0.71, 0.  ]))
     """
 
     source_indices: IndexArray
@@ -77,10 +67,10 @@ def match(
     max_distance: float | None = None,
     threads: int | None = None,
 ) -> Matches:
-    """Find the nearest target descriptors of every source descriptor, exactly.
+    """Find the exact nearest target descriptors of every source descriptor.
 
     Rows that are not finite are left out on both sides. Distances are Euclidean; ties take the lowest
-    row. Cost O(n n' d), once for both directions.
+    row. Cost O(n n' d), once for both directions. `threads` is as for `shot`.
 
     Parameters
     ----------
@@ -92,8 +82,6 @@ def match(
         Keep a match only if the source is also the nearest of its target.
     max_distance : float, optional
         Keep a match only if its distance is at most this.
-    threads : int, optional
-        Threads to compute on, None for all cores. The result does not depend on it.
 
     Returns
     -------
@@ -103,10 +91,7 @@ def match(
     Raises
     ------
     InputError
-        For tables that aren't (n,d) with the same d, values so unlike in size that squares of differences
-        vanish, a `k` whose matches would take more than 1 GiB, or an option out of its range.
-    OutOfMemoryError
-        Where the system gives no memory for the computation.
+        If the matches would take more than 1 GiB, beside wrong arguments.
 
     Examples
     --------

@@ -34,14 +34,6 @@ def sample_mesh(mesh: AnyCloud, *, spacing: float | None = None) -> PointCloud:
     PointCloud
         Points and unit normals, which point outwards where the mesh is closed; the vertices come first.
 
-    Raises
-    ------
-    InputError
-        For a cloud without faces, faces that are not rows of its points or have no area, or a spacing that is
-        not positive or so small that there were more than 20 million points.
-    OutOfMemoryError
-        Where the system gives no memory for the computation.
-
     Examples
     --------
     >>> from cgroup import features

@@ -35,32 +35,22 @@ def normals(
     right for a scan taken from it; for whole models use `mesh_normals`, or move the viewpoint along with the
     model. Cost O(N log N), then O(N neighbors).
 
+    `points` and `threads` are as for `shot`.
+
     Parameters
     ----------
-    points : Cloud or (N,3) array_like of float
-        Finite, in any unit; make a `Cloud` of them once for several steps.
     neighbors : int, optional
         Distinct points per plane, the point itself included; 20 by default.
     radius : float, optional
-        Use all points nearer than this instead; of them only the nearest `neighbors` where both are given (as
+        Use all points nearer than this instead; if both are given, only the nearest `neighbors` of them (as
         Open3D's hybrid search).
     viewpoint : (3,) array_like of float
         Normals point to this side.
-    threads : int, optional
-        Threads to compute on, None for all cores. The result does not depend on it.
 
     Returns
     -------
     (N,3) array of float64
         Unit vectors; NaN rows where fewer than three points, or points on one line, leave the plane open.
-
-    Raises
-    ------
-    InputError
-        If points aren't (N,3), finite and below 1e150; for fewer than one neighbour, a radius that is not
-        positive, or a viewpoint that isn't three numbers.
-    OutOfMemoryError
-        Where the system gives no memory for the computation.
 
     Examples
     --------
@@ -79,15 +69,15 @@ def normals(
 
 @explain_wrong_calls
 def mesh_normals(points: CloudLike, faces: ArrayLike) -> FloatArray:
-    """Vertex normals of a triangle mesh, weighted by area and consistently oriented.
+    """Return consistently oriented vertex normals of a mesh, weighted by area.
 
     Faces are turned alike within every connected part: outwards where the part is closed, else as most of
     its area is wound. Cost O(F log F).
 
+    `points` are as for `shot`.
+
     Parameters
     ----------
-    points : Cloud or (N,3) array_like of float
-        Finite, in any unit; make a `Cloud` of them once for several steps.
     faces : (F,3) array_like of int
         Rows of `points`.
 
@@ -95,13 +85,6 @@ def mesh_normals(points: CloudLike, faces: ArrayLike) -> FloatArray:
     -------
     (N,3) array of float64
         Unit vectors; NaN rows for points without a face.
-
-    Raises
-    ------
-    InputError
-        If points aren't (N,3), finite and below 1e150; for faces that aren't (F,3) rows of the points.
-    OutOfMemoryError
-        Where the system gives no memory for the computation.
 
     Examples
     --------

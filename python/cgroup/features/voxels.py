@@ -1,4 +1,4 @@
-"""Thin a cloud to one point per grid cell."""
+"""Downsample a cloud to one point per grid cell."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from cgroup.types import FloatArray, IndexArray, RealArray, find_cloud
 
 @dataclass(frozen=True, eq=False)
 class Voxels:
-    """A cloud thinned out to one point per occupied cell of a grid.
+    """A cloud downsampled to one point per occupied cell of a grid.
 
     Row i of `points` and of `normals` is one voxel.
 
@@ -34,15 +34,6 @@ class Voxels:
         Voxel of every point of the cloud.
     colors : (M,3) array of uint8 or None
         Mean of each voxel's colours, rounded to the nearest. None if the cloud has none.
-
-    Examples
-    --------
-    >>> from cgroup import features
-    >>> voxels = features.voxel_downsample([[0, 0, 0], [0.2, 0, 0], [5, 0, 0]], 1.0)
-    >>> voxels
-    Voxels(n=2, of=3)
-    >>> voxels.normals is None
-    True
     """
 
     points: FloatArray
@@ -66,6 +57,8 @@ def voxel_downsample(
     As Open3D's ``voxel_down_sample``: the grid begins half a cell below the least coordinates. Cost O(N log
     N).
 
+    `threads` is as for `shot`.
+
     Parameters
     ----------
     points : PointCloud, Cloud, path or (N,3) array_like of float
@@ -74,22 +67,12 @@ def voxel_downsample(
     voxel : float
         Edge length of a cell, in the unit of the points.
     normals : (N,3) array_like of float, optional
-        Averaged along with the points, in place of those that the cloud has; NaN rows are left out.
-    threads : int, optional
-        Threads to compute on, None for all cores. The result does not depend on it.
+        Averaged like the points, in place of those of the cloud; NaN rows are left out.
 
     Returns
     -------
     Voxels
         The means, and the voxel of every point.
-
-    Raises
-    ------
-    InputError
-        If points aren't (N,3), finite and below 1e150; for a voxel that is not positive or so small that
-        cells can't be numbered, or normals that are not one per point.
-    OutOfMemoryError
-        Where the system gives no memory for the computation.
 
     Examples
     --------
@@ -128,33 +111,25 @@ def _mean_colors(colors: NDArray[np.uint8], voxels: IndexArray) -> NDArray[np.ui
 
 @explain_wrong_calls
 def choose_voxel(*clouds: CloudLike, voxels: int = 5000, threads: int | None = None) -> float:
-    """Choose the size of voxels that leaves clouds about so many.
+    """Choose the voxel size at which clouds have about a given number of voxels.
 
     The smallest d 2^(k/16), d the longest diagonal and k a whole number, at which the clouds have at most
     `voxels` voxels on average and at least two distinct points per voxel. It grows with the clouds: it does
     not depend on their unit. Cost O(N), a few times.
+
+    `threads` is as for `shot`.
 
     Parameters
     ----------
     *clouds : Cloud or (N,3) array_like of float
         One or more, in the same unit.
     voxels : int
-        Most voxels per cloud, on average.
-    threads : int, optional
-        Threads to compute on, None for all cores. The result does not depend on it.
+        Largest average number of voxels per cloud.
 
     Returns
     -------
     float
         A length in the unit of the points.
-
-    Raises
-    ------
-    InputError
-        Without clouds, or where all points of each coincide; where points aren't (N,3), finite and below
-        1e150; where `voxels` is not at least 1.
-    OutOfMemoryError
-        Where the system gives no memory for the computation.
 
     Examples
     --------

@@ -1,9 +1,8 @@
-"""Register clouds: two clouds in, a pose that their surfaces confirm out, or an honest no.
+"""Register clouds: estimate the pose between two clouds, and how reliable it is.
 
-`register` thins both clouds to voxels, matches them, lets a grouping method propose poses, verifies these
-on the surfaces, and refines and judges the best. `correspond` is the front end of the paper's evaluation:
-normals, keypoints, local reference frames, descriptors, matches. Each step is one call, so that any of
-them can be replaced.
+`register` downsamples both clouds to voxels, matches them, proposes poses by a grouping method, verifies
+these on the surfaces, and refines and judges the best. `correspond` is the front end of the paper's
+evaluation: normals, keypoints, local reference frames, descriptors, matches.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Match described clouds, and propose the poses that their matches speak for."""
+"""Match described clouds, and propose poses from their matches."""
 
 from __future__ import annotations
 
@@ -27,24 +27,17 @@ def match_described(
 ) -> Correspondences:
     """Match every source keypoint with the target keypoint of nearest descriptor.
 
+    `threads` is as for `register`.
+
     Parameters
     ----------
     source, target : DescribedCloud
-        Described alike; the resolution of the matches is the mean of theirs.
-    threads : int, optional
-        Threads to compute on, None for all cores.
+        With the same descriptor; the resolution of the matches is the mean of theirs.
 
     Returns
     -------
     Correspondences
         With every field that a method may need.
-
-    Raises
-    ------
-    InputError
-        If the descriptors are not of the same kind, or an argument is no `DescribedCloud`.
-    OutOfMemoryError
-        Where the system gives no memory for the computation.
 
     Examples
     --------
@@ -66,7 +59,7 @@ def match_described(
 def match_both_ways(
     source: DescribedCloud, target: DescribedCloud, k: int, threads: int | None
 ) -> tuple[Correspondences, BoolArray]:
-    """Match every source keypoint with its k nearest, and say which matches are each other's nearest."""
+    """Match every source keypoint with its k nearest; return the mask of mutual matches, too."""
     matches = features.match(source.descriptors, target.descriptors, k=k, threads=threads)
     return as_correspondences(source, target, matches), matches.is_mutual & (matches.rank == 1)
 
@@ -99,7 +92,7 @@ def take_matches(matches: Correspondences, chosen: BoolArray) -> Correspondences
 
 
 def turn_matches(matches: Correspondences, centroid: FloatArray) -> Correspondences:
-    """Return the matches with source and target in each other's place, and the new source's centroid."""
+    """Swap source and target of matches, with the new source's centroid."""
     turned = Fields(
         matches.target,
         matches.source,
@@ -141,7 +134,7 @@ def propose_poses(
 
 
 def group_poses(grouping: Grouping) -> FloatArray:
-    """Return the poses that a group stands for: its model and alternatives, or else its least-squares fit."""
+    """Return the poses of a group: its model and alternatives, or else its least-squares fit."""
     if grouping.alternatives is not None:
         return grouping.alternatives
     if grouping.model is not None:

@@ -52,15 +52,18 @@ class PaperFront:
     detector : {"h3d", "iss"}
         Keypoint detector: Harris 3D or intrinsic shape signatures.
     descriptor : {"shot", "lfsh", "rcs", "fpfh"}
-        Descriptor of the keypoints.
+        Descriptor of the keypoints; its frames are always those of SHOT.
     keypoints : int or None
-        How many to aim at in each cloud; None for what the detector finds at its usual radius.
+        Approximate number in each cloud; None for the detector's usual radius.
     nms_radius : float or None
-        Radius of the non-maximum suppression in pr; None for the detector's own.
+        Radius of the non-maximum suppression in pr; None for 2.7 (Harris 3D) or 1.8 (ISS).
     normals : {"pca", "mesh", "given"}
-        Where normals come from: plane fits, the faces of a mesh, or the cloud itself.
+        Source of the normals: plane fits turned towards the viewpoint, the vertex normals of the faces, or
+        `PointCloud.normals`. All descriptors but RCS need normals on the same side of the surface in both
+        clouds: use "mesh" for a whole model in a scan.
     resolution : float or None
-        The unit pr, in the unit of the points; None for the mean of the two clouds' resolutions.
+        The unit pr, in the unit of the points; None for the resolution of the cloud, or the mean of both.
+        Clouds to be matched need the same.
     harris_radius : float or None
         Radius of Harris 3D in pr, for normals, response and non-maximum suppression; None for 2.7.
     iss_radii : (float, float) or None
@@ -72,11 +75,6 @@ class PaperFront:
         are each other's nearest.
     similarity : {"unit", "raw"}
         Whether the similarity of two descriptors is taken after scaling them to unit length.
-
-    Raises
-    ------
-    InputError
-        For an unknown word, or a number that is not positive.
 
     Examples
     --------
@@ -139,48 +137,18 @@ def correspond(
     """Match keypoints of two clouds by their descriptors.
 
     The front end of the evaluation by Yang et al., TPAMI 2019: every source keypoint is matched to the target
-    keypoint with the nearest descriptor, right or wrong. To match one cloud with many, `describe` each once,
-    at the same resolution, and `match_described` them.
+    keypoint with the nearest descriptor. To match one cloud with many, `describe` each once at the same
+    resolution, and `match_described` them. Further parameters are as for `PaperFront` and as for `register`.
 
     Parameters
     ----------
     source, target : PointCloud, Cloud, path or (N,3) array_like of float
-        Whole clouds, in the same unit.
-    detector : {"h3d", "iss"}
-        Keypoint detector: Harris 3D or intrinsic shape signatures.
-    descriptor : {"shot", "lfsh", "rcs", "fpfh"}
-        Descriptor; the frames are always those of SHOT.
-    keypoints : int, optional
-        How many to aim at in each cloud; by default what the detector finds at its usual radius.
-    nms_radius : float, optional
-        Radius of the non-maximum suppression in pr; the detector's own by default.
-    normals : {"pca", "mesh", "given"}
-        Fit planes and turn them towards the viewpoint; or take the vertex normals of the mesh, for a cloud
-        that has faces; or `PointCloud.normals`. A cloud that lacks faces, or normals, gets "pca" beside one
-        that has them.
-    resolution : float, optional
-        The unit pr; the mean of the two clouds' resolutions by default.
-    viewpoint : (3,) array_like of float
-        Where the scanner stood, in the frame of each cloud.
-    source_viewpoint, target_viewpoint : (3,) array_like of float, optional
-        The same of one of them, where they differ.
-    threads : int, optional
-        Threads to compute on, None for all cores.
-    progress : callable, optional
-        Called with the name of each stage as it begins.
+        Whole clouds, in the same unit. One without the faces or normals that `normals` needs gets "pca".
 
     Returns
     -------
     Correspondences
         With every field that a method may need.
-
-    Raises
-    ------
-    InputError
-        If a cloud is too small or not finite, the clouds are in different units, neither has the faces or
-        normals asked for, or an option is unknown or out of range.
-    OutOfMemoryError
-        Where the system gives no memory for the computation.
 
     Examples
     --------
@@ -252,42 +220,19 @@ def detect(
     nms_radius: float | None = None,
     threads: int | None = None,
 ) -> IndexArray:
-    """Find the keypoints that have enough of the surface around them to be described.
+    """Return the keypoints that have enough points around them to be described.
+
+    Further parameters are as for `PaperFront` and as for `register`.
 
     Parameters
     ----------
     cloud : PointCloud, Cloud, path or (N,3) array_like of float
         Whole cloud.
-    resolution : float, optional
-        The unit pr; that of the cloud by default. Clouds to be matched need the same.
-    detector : {"h3d", "iss"}
-        Keypoint detector: Harris 3D or intrinsic shape signatures.
-    keypoints : int, optional
-        How many to aim at; by default what the detector finds at its usual radius.
-    nms_radius : float, optional
-        Radius of the non-maximum suppression in pr; the detector's own by default (2.7 for Harris 3D, 1.8
-        for ISS).
-    threads : int, optional
-        Threads to compute on, None for all cores.
 
     Returns
     -------
     (m,) array of int64
-        Rows of the cloud, ascending; of points that coincide the first.
-
-    Raises
-    ------
-    InputError
-        If the cloud is too small or not finite, or an option is unknown or out of range.
-    OutOfMemoryError
-        Where the system gives no memory for the computation.
-
-    Examples
-    --------
-    >>> from cgroup.datasets import standin_pair
-    >>> cloud = standin_pair(pixels=60).source
-    >>> len(detect(cloud)) > len(detect(cloud, keypoints=50)) > 30
-    True
+        Rows of the cloud, ascending; the first of coincident points.
     """
     front = PaperFront(detector, keypoints=keypoints, nms_radius=nms_radius)
     scan = as_scan("cloud", cloud, distinct=True)
@@ -302,42 +247,19 @@ def surface_normals(
     viewpoint: ArrayLike = ORIGIN,
     threads: int | None = None,
 ) -> FloatArray:
-    """Find the normals that descriptors are made with.
+    """Return the normals that descriptors are computed from.
+
+    Further parameters are as for `PaperFront` and as for `register`.
 
     Parameters
     ----------
     cloud : PointCloud, Cloud, path or (N,3) array_like of float
         Whole cloud.
-    normals : {"pca", "mesh", "given"}
-        Fit planes and turn them towards the viewpoint; or take the vertex normals of the mesh, for a cloud
-        that has faces; or `PointCloud.normals`.
-    viewpoint : (3,) array_like of float
-        Where the scanner stood, in the cloud's frame.
-    threads : int, optional
-        Threads to compute on, None for all cores.
 
     Returns
     -------
     (N,3) array of float64
         Unit vectors, or as given; NaN rows where there is none.
-
-    Raises
-    ------
-    InputError
-        If the cloud isn't (N,3) and finite or lacks the faces or normals asked for, `normals` is unknown, or
-        the viewpoint isn't three numbers.
-    OutOfMemoryError
-        Where the system gives no memory for the computation.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cgroup.datasets import standin_pair
-    >>> pair = standin_pair(pixels=60)
-    >>> normals = surface_normals(pair.source, viewpoint=pair.source_viewpoint)
-    >>> towards = pair.source_viewpoint - pair.source.points
-    >>> bool((np.sum(normals * towards, axis=1) >= 0).all())
-    True
     """
     as_choice("normals", normals, NORMALS)
     scan = as_scan("cloud", cloud, distinct=normals != "given")
@@ -361,44 +283,17 @@ def describe(
 ) -> DescribedCloud:
     """Detect keypoints, and give each a frame and a descriptor.
 
+    Further parameters are as for `PaperFront` and as for `register`.
+
     Parameters
     ----------
     cloud : PointCloud, Cloud, path or (N,3) array_like of float
         Whole cloud.
-    resolution : float, optional
-        The unit pr, a length; that of the cloud by default. Clouds to be matched need the same.
-    detector : {"h3d", "iss"}
-        Keypoint detector: Harris 3D or intrinsic shape signatures.
-    descriptor : {"shot", "lfsh", "rcs", "fpfh"}
-        Descriptor; the frames are always those of SHOT.
-    keypoints : int, optional
-        How many to aim at; by default what the detector finds at its usual radius.
-    nms_radius : float, optional
-        Radius of the non-maximum suppression in pr; the detector's own by default (2.7 for Harris 3D, 1.8
-        for ISS).
-    normals : {"pca", "mesh", "given"}
-        Fit planes and turn them towards the viewpoint; or take the vertex normals of the mesh, for a cloud
-        that has faces; or `PointCloud.normals`. All descriptors but RCS need normals on the same side of the
-        surface in both clouds, so for a whole model in a scan take "mesh".
-    viewpoint : (3,) array_like of float
-        Where the scanner stood, in the cloud's frame.
-    threads : int, optional
-        Threads to compute on, None for all cores.
-    progress : callable, optional
-        Called with the name of each stage as it begins.
 
     Returns
     -------
     DescribedCloud
         The keypoints that have a descriptor.
-
-    Raises
-    ------
-    InputError
-        If the cloud is too small, not finite or without the faces or normals asked for, or an option is
-        unknown or out of range.
-    OutOfMemoryError
-        Where the system gives no memory for the computation.
 
     Examples
     --------

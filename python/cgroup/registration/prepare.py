@@ -1,4 +1,4 @@
-"""Make scans ready: thinned to voxels of one size, with normals on one side, descriptors and a surface."""
+"""Prepare scans: voxels of one size, with normals on one side, descriptors and a surface."""
 
 from __future__ import annotations
 
@@ -77,9 +77,9 @@ FINE = (1 / 3, 2 / 3, 4 / 3, 8 / 3, 16 / 3)
 
 @dataclass(frozen=True)
 class DenseFront:
-    """Every voxel a keypoint, described by FPFH.
+    """Options of the dense front: every voxel is a keypoint, described by FPFH.
 
-    Clouds to be matched need the same. Lengths are in voxels.
+    Clouds to be matched need the same radii, in voxels.
 
     Attributes
     ----------
@@ -89,18 +89,6 @@ class DenseFront:
         Radius of the descriptor's support, of at most 100 neighbours.
     frame_radius : float
         Radius of the support of SHOT's frames.
-
-    Raises
-    ------
-    InputError
-        For a radius that is not positive.
-
-    Examples
-    --------
-    >>> from cgroup.datasets import standin_pair
-    >>> from cgroup.registration import DenseFront, prepare
-    >>> prepare(standin_pair(pixels=60).source, front=DenseFront(support=6.0)).front
-    DenseFront(normal_radius=2.0, support=6.0, frame_radius=8.0)
     """
 
     normal_radius: float = 2.0
@@ -114,7 +102,7 @@ class DenseFront:
 
 @dataclass(frozen=True, eq=False)
 class PreparedScan:
-    """A scan with all that registering it needs, made once by `prepare`.
+    """A scan prepared for registration by `prepare`.
 
     Attributes
     ----------
@@ -125,28 +113,18 @@ class PreparedScan:
     voxel : float
         Edge length of the voxels, in the unit of the points.
     viewpoint : (float, float, float) or None
-        Where the scanner stood, if that is known.
+        Position of the scanner, if known.
     voxels : Voxels
-        The cloud thinned out.
+        The downsampled cloud.
     normals : (M,3) array of float64
-        Of the voxels: outwards for a model, towards the viewpoint where those of both scans are known, else
-        to the side of SHOT's z axis; NaN for none.
+        Of the voxels: outwards for a model, towards the viewpoint if those of both scans are known, else to
+        the side of SHOT's z axis; NaN for none.
     surface : Surface
-        What poses are judged on, of unit 0.4 voxel.
+        The surface for verification, of unit 0.4 voxel.
     by_frames : bool
         Whether normals are to the side of SHOT's z axis.
     threads : int or None
-        Threads to compute on.
-
-    Examples
-    --------
-    >>> from cgroup.datasets import standin_pair
-    >>> from cgroup.registration import prepare
-    >>> scan = prepare(standin_pair(pixels=60).source, voxel=6.0)
-    >>> scan
-    PreparedScan(points=2554, voxels=330, voxel=6)
-    >>> scan.normals.shape == scan.voxels.points.shape
-    True
+        Number of threads.
     """
 
     scan: Scan
@@ -164,7 +142,7 @@ class PreparedScan:
     _thinned: dict[float, FloatArray] = field(default_factory=dict)
 
     def __reduce__(self) -> tuple[Callable[..., PreparedScan], tuple[Any, ...]]:
-        """Pickle what took long; surfaces are made anew."""
+        """Pickle the slow results; surfaces are built again."""
         parts = self.scan, self.front, self.voxel, self.viewpoint, self.voxels, self.normals
         return assemble, (*parts, vars(self).get("described"), self.by_frames, self.threads)
 
@@ -173,14 +151,6 @@ class PreparedScan:
         """Frames and FPFH of the voxels that have them, computed when first needed.
 
         `DescribedCloud.indices` are rows of `voxels`.
-
-        Examples
-        --------
-        >>> from cgroup.datasets import standin_pair
-        >>> from cgroup.registration import prepare
-        >>> scan = prepare(standin_pair(pixels=60).source, voxel=6.0)
-        >>> scan.described.descriptors.shape == (len(scan.described), 33)
-        True
         """
         shared = Preparation(self.voxel, self.front, self.threads)
         thinned = features.Cloud(self.voxels.points, name=self.scan.name)
@@ -280,7 +250,7 @@ def assemble(
     threads: int | None,
     frames: FloatArray | None = None,
 ) -> PreparedScan:
-    """Put a scan together with its surface, and with what is known of its descriptors."""
+    """Build a scan with its surface, and with its descriptors if they are known."""
     surface = Surface(
         voxels.points,
         normals,
@@ -298,7 +268,7 @@ def assemble(
 def fine_surfaces(
     source: PreparedScan, target: PreparedScan, shares: Sequence[float] = FINE
 ) -> tuple[FineSurface, FineSurface]:
-    """Return both clouds in more detail: at the first share of the voxel that the sparser allows."""
+    """Return the fine surfaces of both scans, at the first spacing that the sparser one allows."""
     for share in shares:
         both = source.fine_surface(share), target.fine_surface(share)
         if both[0] is not None and both[1] is not None:
@@ -324,46 +294,28 @@ def prepare(
     threads: int | None = None,
     progress: Callable[[str], Any] | None = None,
 ) -> PreparedScan:
-    """Make a scan ready for registration with any number of others.
+    """Prepare a scan for registration with any number of others.
+
+    Further parameters are as for `register`.
 
     Parameters
     ----------
     cloud : PointCloud, Cloud, path or (N,3) array_like of float
         Whole cloud.
     voxel : float, optional
-        Edge length of the voxels, in the unit of the points; by default about 5,000 of them (see
-        `cgroup.features.choose_voxel`). Clouds to be registered need the same.
-    viewpoint : (3,) array_like of float, optional
-        Where the scanner stood, in the cloud's frame, if the cloud is one single scan: what lies before
-        the scanned surface then speaks against a pose. By default `PointCloud.viewpoint`, unless `normals`
-        are those of a whole model.
-    view_direction : (3,) array_like of float, optional
-        Where the scanner looked, where its place is not known or its rays are parallel.
+        Edge length of the voxels, in the unit of the points; by default about 5,000 are left
+        (`cgroup.features.choose_voxel`). Clouds to be registered need the same.
     normals : {"pca", "mesh", "given"}
-        What tells the outside of a whole model: nothing, its faces (which are then sampled too), or
-        `PointCloud.normals`. A model that is looked for in a scan with a viewpoint needs it. The planes
-        themselves are always fitted to the voxels.
+        Source of the outside of a whole model: none, its faces (which are then also sampled), or
+        `PointCloud.normals`. A model needs it if the scan has a viewpoint. The planes themselves are always
+        fitted to the voxels.
     front : DenseFront, optional
         Radii of normals, frames and descriptors, in voxels.
-    threads : int, optional
-        Threads to compute on, None for all cores.
-    progress : callable, optional
-        Called with the name of each stage as it begins.
 
     Returns
     -------
     PreparedScan
-        Voxels, normals and surface, for `register`, `register_many`, `recognize` and `refine`; descriptors
-        are computed when they are first needed.
-
-    Raises
-    ------
-    InputError
-        If the cloud is not finite, or the voxel leaves too little or too much of it; for an option that is
-        unknown or out of range, faces or normals that the cloud lacks, or a viewpoint beside normals of a
-        whole model.
-    OutOfMemoryError
-        Where the system gives no memory for the computation.
+        Voxels, normals and surface; descriptors are computed when they are first needed.
 
     Examples
     --------

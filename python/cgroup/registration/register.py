@@ -1,4 +1,4 @@
-"""Register clouds: one pair, or many side by side."""
+"""Register one pair of clouds, or many."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from cgroup.verification import verify
 FRONTS = ("dense", "paper")
 
 MOVED_BY_REFINING = 0.4
-"""Voxels by which refining may move a right pose: half of its probability is left there."""
+"""Displacement by refining, in voxels, at which half of a pose's probability is left."""
 
 
 @report_refused_memory()
@@ -65,66 +65,65 @@ def register(
     progress: Callable[[str], Any] | None = None,
     **options: Any,  # noqa: ANN401 - those of the method
 ) -> Registration:
-    """Place a source cloud on a target cloud, or say that no pose can be trusted.
+    """Estimate the pose of the source in the target's frame; raise if no pose is reliable.
 
-    Both clouds are thinned to voxels, and matched by FPFH. Groups of matches propose poses; these are
-    verified on the two surfaces (`cgroup.verification`), the best is refined, and judged. Of `front`,
-    `matches`, `descriptors` and `initial` one can be given.
+    Both clouds are downsampled to voxels and matched by FPFH. Groups of matches propose poses. These are
+    verified on the two surfaces (`cgroup.verification`); the best is refined and judged. At most one of
+    `front`, `matches`, `descriptors` and `initial` can be given.
 
-    Neither the frames of the clouds, the order of their points, their unit, nor which is the source changes
-    the verdict, beyond rounding: grids and samples follow each cloud's own axes. Rounding may decide where
-    the probability is near 0.5, and where a shape has no axes of its own, as a ball, a cube or a disk. With
-    the paper's front, `matches` or `descriptors` the order and the roles count too.
+    The result does not depend on the frames of the clouds, the order of their points, their unit, or their
+    roles, beyond rounding: grids and samples follow each cloud's own axes. Rounding can decide where the
+    probability is near 0.5, and for shapes without axes of their own, such as a ball, a cube or a disk. With
+    the paper's front, `matches` or `descriptors`, order and roles count too.
 
     Parameters
     ----------
     source, target : PreparedScan, PointCloud, Cloud, path or (N,3) array_like of float
-        Whole clouds, in the same unit unless `scale` says otherwise. To register one cloud with many,
-        `prepare` it once.
+        Whole clouds, in the same unit unless `scale` is given. `prepare` a cloud once to register it with
+        many.
     voxel : float, optional
-        Edge length of the voxels, in the unit of the points: the one length that all others are multiples
-        of. By default such that some 4,500 voxels are left, on average of the two, and 1,000 or more of each.
+        Edge length of the voxels, in the unit of the points; all other lengths are multiples of it. By
+        default about 4,500 voxels are left on average of all clouds, and at least 1,000 of each.
     viewpoint : (3,) array_like of float, optional
-        Where the scanner stood, in the frame of each cloud, if each is one single scan. What lies before its
-        surface then speaks against a pose; at low overlap nothing helps more. Not for clouds fused from
-        several. By default what the file of each says, `PointCloud.viewpoint`.
+        Position of the scanner, in the frame of each cloud, if each is a single scan. Points in front of the
+        observed surface then count against a pose; this helps most at low overlap. Not for clouds fused from
+        several scans. By default that of each cloud's file, `PointCloud.viewpoint`.
     source_viewpoint, target_viewpoint : (3,) array_like of float, optional
-        The same of one of them, where they differ.
+        The same for one cloud, if they differ.
     view_direction : (3,) array_like of float, optional
-        Where the scanner looked, in the frame of each cloud, where its place is not known or its rays are
-        parallel: (0, 0, -1) for most scanners of objects on a turntable.
+        Viewing direction of the scanner, in the frame of each cloud, if its position is unknown or its rays
+        are parallel: (0, 0, -1) for most scanners of objects on a turntable.
     axis : (3,) array_like of float, optional
-        A direction that both clouds share, such as that of gravity; the pose may tilt it by 10 degrees.
+        A direction that all clouds share, such as gravity; a pose may tilt it by 10 degrees.
     effort : {"low", "normal", "high"}
-        How long to search: mutual matches only; all matches where these aren't enough; and then finer voxels
+        Length of the search: mutual matches only; all matches if these are not enough; then also finer voxels
         with the three nearest matches of each.
     front : {"dense", "paper"}, DenseFront or PaperFront
-        Where matches come from: every voxel, or the keypoints of a detector, as `correspond` matches them.
+        Source of the matches: every voxel, or the keypoints of a detector, as in `correspond`.
     matches : Correspondences or (i, j), optional
-        Matches of your own, such as a network's: positions, or (n,) rows of matched points of the two clouds
-        as they were given. They alone propose poses, also by their frames.
+        Your own matches: positions, or (n,) rows of matched points of the input clouds. They alone propose
+        poses, also by their frames.
     descriptors : (a, b), optional
-        Descriptors of your own, (N,D) of float for either cloud: one row for each point of the cloud as it
-        was given, NaN for none. The first described point of each voxel is matched by them.
+        Precomputed descriptors: one (N,D) array per cloud, one row per input point, NaN where a point has
+        none. The first described point of each voxel is matched.
     initial : (4,4) array_like of float, optional
-        Maps the source into the target's frame roughly, such as a prior of odometry. The pose is sought near
-        it, on the surfaces alone: nothing is matched.
+        Rough pose of the source in the target's frame, such as odometry. The pose is searched for near it, on
+        the surfaces alone: nothing is matched.
     radius : float, optional
-        How far `initial` may place the middle of the source from where it belongs, in the unit of the points;
-        a fifth of the source's diagonal unless given.
+        Largest error of `initial` at the middle of the source, in the unit of the points; a fifth of the
+        source's diagonal by default.
     angle : float, optional
-        Degrees by which `initial` may be turned, 15 unless given.
+        Largest error of the rotation of `initial`, in degrees; 15 by default.
     scale : bool or (float, float)
-        Whether the clouds are in different units: then the length in the target is sought that the source's
-        unit has, between the two bounds if they are given. True allows any unit: the scale is sought where
-        both clouds are of about the same size, to a factor of 3, and bounds only narrow that. All lengths
-        told, and those of the result, are in the target's unit. Neither `matches`, `descriptors`, `initial`,
-        the paper's front nor prepared scans can be given beside it.
+        Whether to estimate the scale: the length in the target of the source's unit, within two bounds if
+        given. It is searched for where both clouds have about the same size, to a factor of 3; bounds only
+        narrow that. All lengths, also those of the result, are in the target's unit. Not together with
+        `matches`, `descriptors`, `initial`, the paper's front or prepared scans.
     method : str, optional
-        Grouping method that proposes poses, one of `cgroup.METHODS`; "lc" unless given, "gtm" with the
-        paper's front.
+        Grouping method that proposes poses, one of `cgroup.METHODS`; "lc" by default, "gtm" with the paper's
+        front.
     threads : int, optional
-        Threads to compute on, None for all cores.
+        Number of threads; all cores by default. The result does not depend on it.
     progress : callable, optional
         Called with the name of each stage as it begins.
     **options
@@ -133,17 +132,12 @@ def register(
     Returns
     -------
     Registration
-        With `Registration.ok`, always.
+        Always with true `Registration.ok`.
 
     Raises
     ------
     NoConsensusError
-        If no pose can be trusted; its ``registration`` is the best guess, or None where there is not even
-        one.
-    InputError
-        If a cloud or an option can't be worked with; the message names it.
-    OutOfMemoryError
-        Where the system gives no memory for the computation.
+        If no pose is reliable; its ``registration`` is the best guess, or None without one.
 
     Examples
     --------
@@ -214,51 +208,27 @@ def assess(
     threads: int | None = None,
     progress: Callable[[str], Any] | None = None,
 ) -> Registration:
-    """Say how likely a pose from elsewhere is right.
+    """Return the probability that a given pose is right.
 
-    A pose of another library, of a network, or of odometry. It takes part in a search for the best one, and
-    is weighed against all that the search finds, as `register` weighs its own. It is right where the refined
-    pose is, and refining moves the source by little: half of that probability is left at 0.4 voxel.
+    The pose takes part in a search for the best one, and is compared with all poses that the search finds. It
+    is right if the refined pose is, and if refining moves the source by little: half of the probability is
+    left at 0.4 voxel. Further parameters are as for `register`.
 
     Parameters
     ----------
-    source, target : PreparedScan, PointCloud, Cloud, path or (N,3) array_like of float
-        As for `register`.
     T_target_source : (4,4) array_like of float
-        Maps source points into the target's frame.
-    voxel : float, optional
-        Edge length of the voxels, as for `register`.
-    viewpoint : (3,) array_like of float, optional
-        Where the scanner stood, in the frame of each cloud, if each is one single scan; by default what the
-        file of each says, `PointCloud.viewpoint`.
-    source_viewpoint, target_viewpoint : (3,) array_like of float, optional
-        The same of one of them, where they differ.
-    view_direction : (3,) array_like of float, optional
-        Where the scanner looked, in the frame of each cloud, where its place is not known or its rays are
-        parallel: (0, 0, -1) for most scanners of objects on a turntable.
-    axis : (3,) array_like of float, optional
-        A direction that both clouds share.
-    effort : {"low", "normal", "high"}
-        How long to search for a better pose.
-    threads : int, optional
-        Threads to compute on, None for all cores.
-    progress : callable, optional
-        Called with the name of each stage as it begins.
+        Pose of the source in the target's frame, from any source.
 
     Returns
     -------
     Registration
-        Of the pose as it was given; why it is refused stands first among the `notes`. The best pose that the
-        search found is the first of the `alternatives` where it is another one.
+        Of the given pose; the reason for a refusal is the first of the `notes`. A better pose that the search
+        found is the first of the `alternatives`.
 
     Raises
     ------
     NoConsensusError
         If no pose keeps the axis.
-    InputError
-        If a cloud, the pose or an option can't be worked with; the message names it.
-    OutOfMemoryError
-        Where the system gives no memory for the computation.
 
     Examples
     --------
@@ -320,46 +290,26 @@ def refine(
     threads: int | None = None,
     progress: Callable[[str], Any] | None = None,
 ) -> Registration:
-    """Refine a pose from elsewhere on the surfaces, and judge it by itself.
+    """Refine a given pose on the surfaces, and judge it by itself.
 
-    For a pose that is right to some three voxels; where it is known roughly only, give it to `register` as
-    `initial`. No other place is looked at, so that of two that look the same either is accepted: `assess`
-    seeks such rivals.
+    The error of the pose may be about three voxels; give a rougher one to `register` as `initial`. Only this
+    place is examined: of two places that look the same either is accepted. `assess` searches for such rivals.
+    Further parameters are as for `register`.
 
     Parameters
     ----------
-    source, target : PreparedScan, PointCloud, Cloud, path or (N,3) array_like of float
-        As for `register`.
     T_target_source : (4,4) array_like of float
-        Maps source points into the target's frame.
-    voxel : float, optional
-        Edge length of the voxels, as for `register`.
-    viewpoint : (3,) array_like of float, optional
-        Where the scanner stood, in the frame of each cloud, if each is one single scan; by default what the
-        file of each says, `PointCloud.viewpoint`.
-    source_viewpoint, target_viewpoint : (3,) array_like of float, optional
-        The same of one of them, where they differ.
-    view_direction : (3,) array_like of float, optional
-        Where the scanner looked, in the frame of each cloud, where its place is not known or its rays are
-        parallel.
-    threads : int, optional
-        Threads to compute on, None for all cores.
-    progress : callable, optional
-        Called with the name of each stage as it begins.
+        Pose of the source in the target's frame.
 
     Returns
     -------
     Registration
-        Of the refined pose, without matches; where it is refused, the reason stands first among the `notes`.
+        Of the refined pose, without matches; the reason for a refusal is the first of the `notes`.
 
     Raises
     ------
     NoConsensusError
-        If the pose lays nothing together.
-    InputError
-        If a cloud, the pose or an option can't be worked with; the message names it.
-    OutOfMemoryError
-        Where the system gives no memory for the computation.
+        If the surfaces do not meet under the pose.
 
     Examples
     --------
@@ -412,53 +362,29 @@ def register_many(
 ) -> list[Registration | None]:
     """Register many pairs of scans, one thread each, on all cores.
 
-    Every scan is made ready once, however many pairs it is in. All have the same voxel.
+    Every scan is prepared once, for all of its pairs, with the same voxel. Further parameters are as for
+    `register`.
 
     Parameters
     ----------
     scans : sequence of PreparedScan, PointCloud, Cloud, path or (N,3) array_like of float
         Two or more, in the same unit.
     pairs : iterable of (int, int), optional
-        Rows of `scans`: which is moved, and which it is moved to. By default all pairs, each scan moved to
-        those before it.
-    voxel : float, optional
-        Edge length of the voxels, in the unit of the points; by default such that some 4,500 are
-        left, on average of all scans.
-    viewpoint : (3,) array_like of float, optional
-        Where the scanner stood, in the frame of each scan, if each is one single scan.
+        Rows of `scans`: source and target. By default each scan is registered to all before it.
     viewpoints : sequence of (3,) array_like of float or None, optional
-        The same where they differ, one per scan; None for what its file says, if it does.
-    view_direction : (3,) array_like of float, optional
-        Where the scanner looked, in the frame of each scan, where its place is not known or its rays are
-        parallel.
-    axis : (3,) array_like of float, optional
-        A direction that all clouds share, such as that of gravity; a pose may tilt it by 10 degrees.
-    effort : {"low", "normal", "high"}
-        How long to search: mutual matches only; all matches where these aren't enough; and then finer voxels
-        with the three nearest matches of each.
+        Positions of the scanners, one per scan; None for that of its file.
     front : DenseFront, optional
         Radii of normals, frames and descriptors, in voxels.
-    method : str
-        Grouping method that proposes poses, one of `cgroup.METHODS`.
     threads : int, optional
-        Number of scans, then of pairs worked on at a time; None for one per core.
+        Number of scans, then of pairs, at a time; one per core by default.
     progress : callable, optional
         Called with ``"scan 3 of 10"`` or ``"pair 5 of 45"`` as each begins, by several threads.
-    **options
-        Options of the grouping method.
 
     Returns
     -------
     list of Registration or None
-        In the order of the pairs. `Registration.ok` is false where the pose can't be trusted; None where not
-        even a guess was found.
-
-    Raises
-    ------
-    InputError
-        If a scan, a pair or an option can't be worked with; the message names it.
-    OutOfMemoryError
-        Where the system gives no memory for the computation.
+        In the order of the pairs. `Registration.ok` is false if the pose is not reliable; None if there is
+        not even a guess.
 
     Examples
     --------
@@ -512,7 +438,7 @@ def _prepare_both(
     *,
     with_descriptors: bool = True,
 ) -> tuple[PreparedScan, PreparedScan]:
-    """Make source and target ready."""
+    """Prepare source and target."""
     clock.start("voxel size")
     given = _as_both(clouds, viewpoints)
     shared = agree(given, voxel, front, threads)
@@ -536,14 +462,14 @@ def _as_both(
 def _register(
     search: Search, source: PreparedScan, target: PreparedScan
 ) -> tuple[Registration | None, Judgement]:
-    """Search for the pose of two scans that are ready, and judge it."""
+    """Search for the pose of two prepared scans, and judge it."""
     found = search.run(source, target)
     judgement = judge(found, source, target, search.axis)
     return None if found is None else registration_of(found, judgement, search.clock.stop()), judgement
 
 
 def _fronts_of(front: object) -> tuple[DenseFront | None, PaperFront | None]:
-    """Return the dense front that is given, if one is, and the paper's front where it is to be used."""
+    """Return the dense front if one is given, and the paper's front if it is used."""
     if isinstance(front, DenseFront | PaperFront):
         return (front, None) if isinstance(front, DenseFront) else (None, front)
     if not isinstance(front, str) or front not in FRONTS:
@@ -553,18 +479,18 @@ def _fronts_of(front: object) -> tuple[DenseFront | None, PaperFront | None]:
 
 
 def _check_alone(given: Mapping[str, object]) -> None:
-    """Refuse two ways to propose poses."""
+    """Raise if there are two sources of poses."""
     names = [name for name, value in given.items() if value is not None]
     if len(names) > 1:
-        raise InputError(", ".join(names), remedy="give one of them: each says alone where poses come from")
+        raise InputError(", ".join(names), remedy="give one of them: each alone proposes the poses")
 
 
 def _refuse_beside_scale(**others: object) -> None:
-    """Refuse what is told in the source's unit, which is not known."""
+    """Raise for arguments in the source's unit, which is unknown."""
     for name, value in others.items():
         if value is not None:
             both = f"scale, {name}"
-            raise InputError(both, remedy=f"the scale is sought by all voxels; leave out `{name}`")
+            raise InputError(both, remedy=f"the scale is estimated from all voxels; leave out `{name}`")
 
 
 def as_pairs(pairs: Iterable[tuple[int, int]], scans: int) -> list[tuple[int, int]]:
@@ -586,7 +512,7 @@ def as_pairs(pairs: Iterable[tuple[int, int]], scans: int) -> list[tuple[int, in
 def as_viewpoints(
     viewpoints: Sequence[ArrayLike | None] | None, shared: ArrayLike | None, scans: int
 ) -> Sequence[ArrayLike | None]:
-    """Return one per scan; check that there is, where each has its own."""
+    """Return one viewpoint per scan; check their number if each has its own."""
     if viewpoints is None:
         return [shared] * scans
     if shared is not None:

@@ -26,7 +26,7 @@ from cgroup.rigid import apply, split_scale
 from cgroup.types import AnyCloud, Correspondences, FloatArray, Grouping, PointCloud, as_cloud
 
 SCAN_COLORS = (230, 159, 0), (0, 114, 178)
-"""Red, green and blue of source and target, where they have no colours of their own."""
+"""Red, green and blue of source and target, if the clouds have no colours."""
 
 
 _ELSEWHERE = {
@@ -45,58 +45,48 @@ _ELSEWHERE = {
 
 @dataclass(frozen=True, eq=False)
 class Registration:
-    """A source cloud placed on a target cloud, and how far that can be trusted.
+    """The estimated pose of a source in a target's frame, with its probability and covariance.
 
     Attributes
     ----------
     T_target_source : (4,4) array of float64
-        Pose refined on the surfaces: maps source points into the target's frame, p' = R p + t; a similarity,
-        p' = s R p + t, where the scale was sought.
+        Refined pose: maps source points into the target's frame, p' = R p + t; a similarity, p' = s R p + t,
+        if the scale was estimated.
     ok : bool
-        Whether the pose is held to be right.
+        Whether the pose is accepted.
     probability : float
-        That it is, in [0,1], beside all other places and "none of these"; places that look the same share it.
+        Probability that it is right, in [0,1], against all other places and "none of these"; places that look
+        the same share it.
     fitness : float
-        Share of the source's surface that lies on the target's.
+        Share of the source's surface that overlaps the target's.
     target_fitness : float
-        Share of the target's surface that lies on the source's.
+        Share of the target's surface that overlaps the source's.
     inlier_rmse : float
-        Root mean square of the distances there to the target's planes, in the unit of the points.
+        Root mean square of the distances to the target's planes in the overlap, in the unit of the points.
     covariance : (6,6) array of float64
-        Of the small motion x = (rotation vector, translation) in the target's frame that leads to the true
-        pose, ``T_true = Exp(x) T_target_source``, if the pose is right; `covariance_in` gives that of other
-        libraries. Along an open motion the deviation is some five voxels.
+        Of the small motion x = (rotation vector, translation) in the target's frame to the true pose,
+        ``T_true = Exp(x) T_target_source``, if the pose is right; `covariance_in` returns those of other
+        libraries. Along an open motion the deviation is about five voxels.
     open_motion : (6,) array of float64 or None
         The motion that the surfaces hardly resist (along a wall, about a pipe), in the same coordinates; None
-        where they fix all six.
+        if they fix all six.
     alternatives : (k,4,4) array of float64
-        Other places that share the probability, the likeliest first: where something repeats there are some.
+        Other poses that share the probability, the likeliest first, as for repeating structures.
     grouping : Grouping
-        The verified group: matches that the pose lays together.
+        The verified group: matches that agree with the pose.
     correspondences : Correspondences
         All matches; the group's mask is aligned with them.
     voxel : float
         Edge length of the voxels, in the unit of the points.
     notes : tuple of str
-        What a user should know of the pose: sentences.
+        Remarks on the pose, one sentence each.
     seconds : dict of str to float
         Wall time of each stage, in order.
     scale : float
-        Length in the target that the source's unit has: s, 1 unless it was sought. All lengths above are in
-        the target's unit, and `covariance` is that of the source in that unit, at this scale.
+        The scale s: length of the source's unit in the target; 1 unless it was estimated. All lengths above
+        are in the target's unit, and `covariance` is that of the source in that unit, at this scale.
     scale_deviation : float
-        Standard deviation of `scale`, as a share of it; 0 unless it was sought.
-
-    Examples
-    --------
-    >>> from cgroup.datasets import standin_pair
-    >>> from cgroup.registration import register
-    >>> pair = standin_pair(pixels=60)
-    >>> done = register(pair.source, pair.target)
-    >>> done.ok, done.probability > 0.9, done.T_target_source.shape
-    (True, True, (4, 4))
-    >>> len(done.correspondences) == len(done.grouping.mask), done.open_motion
-    (True, None)
+        Relative standard deviation of `scale`; 0 unless it was estimated.
     """
 
     T_target_source: FloatArray
@@ -119,7 +109,7 @@ class Registration:
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> object:
-            """Refuse an attribute; of a name that another library has for it, say ours."""
+            """Raise for an unknown attribute; suggest ours for the names of other libraries."""
             ours = _ELSEWHERE.get(name)
             guess = f"; did you mean {ours!r}?" if ours else ""
             message = f"a Registration has no {name!r}{guess}"
@@ -127,43 +117,24 @@ class Registration:
 
     @property
     def resolution(self) -> float:
-        """The unit pr of the matches, in the data's unit.
-
-        Examples
-        --------
-        >>> from cgroup.datasets import standin_pair
-        >>> from cgroup.registration import register
-        >>> pair = standin_pair(pixels=60)
-        >>> register(pair.source, pair.target, voxel=5.0).resolution  # 0.4 of the voxel
-        2.0
-        """
+        """The unit pr of the matches, in the data's unit."""
         resolution = self.correspondences.resolution
         assert resolution is not None  # noqa: S101 - every front end sets it
         return resolution
 
     @property
     def deviations(self) -> tuple[float, float]:
-        """Standard deviations of the turn, and of the place of the source's middle.
+        """Standard deviations of the rotation, and of the position of the source's middle.
 
         In degrees, and in the unit of the points: square roots of the traces of the two blocks of
         `covariance`, about the mean of the source's points.
-
-        Examples
-        --------
-        >>> from cgroup.datasets import standin_pair
-        >>> from cgroup.registration import register
-        >>> pair = standin_pair(pixels=60)
-        >>> done = register(pair.source, pair.target)
-        >>> turned, moved = done.deviations
-        >>> turned < 1.0, moved < 0.1 * done.voxel
-        (True, True)
         """
         middle = self.correspondences.source_centroid
         assert middle is not None  # noqa: S101 - every front end sets it
         return deviations_at(self.covariance, apply(self.T_target_source, middle[None])[0])
 
     def covariance_in(self, convention: Convention) -> FloatArray:
-        """Return the covariance as a pose graph of another library takes it.
+        """Return the covariance in the convention of another library's pose graph.
 
         Parameters
         ----------
@@ -177,22 +148,7 @@ class Registration:
         Returns
         -------
         (6,6) array of float64
-            To first order. Where the scale was sought, the source's frame is in the target's unit.
-
-        Raises
-        ------
-        InputError
-            For another convention.
-
-        Examples
-        --------
-        >>> from cgroup.datasets import standin_pair
-        >>> from cgroup.registration import register
-        >>> pair = standin_pair(pixels=60)
-        >>> done = register(pair.source, pair.target)
-        >>> turned, moved = done.covariance_in("gtsam").diagonal().reshape(2, 3) ** 0.5
-        >>> bool((turned < 0.01).all()), bool((moved < done.voxel).all())
-        (True, True)
+            To first order. If the scale was estimated, the source's frame is in the target's unit.
         """
         as_choice("convention", convention, CONVENTIONS)
         return covariance_in(convention, self.covariance, self._rigid)
@@ -203,7 +159,7 @@ class Registration:
         return self.T_target_source if self.scale == 1.0 else split_scale(self.T_target_source)[1]
 
     def merged(self, source: AnyCloud, target: AnyCloud) -> PointCloud:
-        """Lay the source on the target, and make one cloud of both.
+        """Merge the aligned source and the target into one cloud.
 
         Parameters
         ----------
@@ -213,32 +169,14 @@ class Registration:
         Returns
         -------
         PointCloud
-            In the target's frame, thinned to the finer point spacing of the two, so that what both show is no
-            denser than the rest. Colours are those of the clouds if both have some, else orange for the
-            source and blue for the target; normals where both have some.
-
-        Raises
-        ------
-        InputError
-            If a cloud can't be worked with.
-        OutOfMemoryError
-            Where the system gives no memory for the computation.
-
-        Examples
-        --------
-        >>> from cgroup.datasets import standin_pair
-        >>> from cgroup.registration import register
-        >>> pair = standin_pair(pixels=60)
-        >>> both = register(pair.source, pair.target).merged(pair.source, pair.target)
-        >>> len(pair.source) < len(both) < len(pair.source) + len(pair.target)
-        True
-        >>> both.colors.shape == both.points.shape
-        True
+            In the target's frame, downsampled to the finer point spacing of the two, so that the overlap is
+            not denser. Colours are those of the clouds if both have some, else orange for the source and blue
+            for the target; normals if both have some.
         """
         return merge_clouds((self.place(source), as_cloud("target", target)), SCAN_COLORS)
 
     def place(self, source: AnyCloud) -> PointCloud:
-        """Lay the source on the target.
+        """Move the source into the target's frame.
 
         Parameters
         ----------
@@ -248,22 +186,7 @@ class Registration:
         Returns
         -------
         PointCloud
-            In the target's frame and unit, with normals turned along.
-
-        Raises
-        ------
-        InputError
-            If the cloud can't be worked with.
-
-        Examples
-        --------
-        >>> from cgroup.datasets import standin_pair
-        >>> from cgroup.registration import register
-        >>> pair = standin_pair(pixels=60)
-        >>> done = register(pair.source, pair.target)
-        >>> placed = done.place(pair.source)
-        >>> len(placed) == len(pair.source)
-        True
+            In the target's frame and unit, with rotated normals.
         """
         return self._in_the_target_unit(as_cloud("source", source)).transformed(self._rigid)
 
@@ -281,35 +204,21 @@ class Registration:
         correct: ArrayLike | None = None,
         interactive: bool = False,
     ) -> Any:  # noqa: ANN401 - matplotlib's Figure or plotly's
-        """Draw both clouds, the matches laid together, and one cloud laid on the other.
+        """Draw both clouds, the matches that agree with the pose, and the aligned clouds.
 
         Parameters
         ----------
         source, target : PointCloud or (N,3) array_like of float, optional
-            The clouds that were registered; the matched points where they are not given.
+            The registered clouds; the matched points by default.
         correct : (n,) array_like of bool, optional
-            Which of the matches are correct; lines are coloured by it.
+            Mask of the correct matches, which colours the lines.
         interactive : bool
-            Return a figure to turn around, zoom and point at.
+            Whether to return an interactive figure of plotly.
 
         Returns
         -------
         matplotlib.figure.Figure or plotly.graph_objects.Figure
-            Not shown; notebooks show what a cell returns.
-
-        Raises
-        ------
-        InputError
-            If the library for it isn't installed, or an argument doesn't fit.
-
-        Examples
-        --------
-        >>> from cgroup.datasets import standin_pair
-        >>> from cgroup.registration import register
-        >>> pair = standin_pair(pixels=60)
-        >>> figure = register(pair.source, pair.target).plot(pair.source, pair.target)
-        >>> type(figure).__name__
-        'Figure'
+            Not shown; notebooks show the value of a cell.
         """
         matches = self.correspondences
         if self.scale != 1.0:
@@ -355,9 +264,9 @@ class Registration:
 def merge_clouds(
     clouds: Sequence[PointCloud], colors: Iterable[ArrayLike], voxel: float | None = None
 ) -> PointCloud:
-    """Make one cloud of posed ones, each in a colour of its own where not all have colours.
+    """Merge posed clouds into one, downsampled by a voxel: the finest point spacing by default.
 
-    It is thinned by a voxel, that of the finest point spacing where none is given.
+    Each gets its own colour unless all have colours.
     """
     if voxel is None:
         voxel = min(features.resolution(cloud.points) for cloud in clouds)

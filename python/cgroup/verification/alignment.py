@@ -1,4 +1,4 @@
-"""The last refinement of a pose, and how closely two surfaces lie on each other."""
+"""The last refinement of a pose, and the residuals between two surfaces."""
 
 from __future__ import annotations
 
@@ -19,27 +19,20 @@ SAMPLES = 3000
 
 
 class FineSurface:
-    """A cloud thinned out only a little, made ready once for `align`.
+    """A finely downsampled cloud, prepared once for `align`.
 
-    It serves with any number of partners. Planes are fitted to the points within 2.4 spacings of some 3,000
-    places, which are drawn against the frequency of their normals.
+    It serves with any number of partners. Planes are fitted to the points within 2.4 spacings of about 3,000
+    samples, which are drawn against the frequency of their normals.
 
     Parameters
     ----------
     points : Cloud or (N,3) array_like of float
         Whole cloud.
     spacing : float
-        Edge length of the voxels that it is thinned out to, about the distance between points or a few
-        times that. Both surfaces of a pair need the same.
+        Edge length of its voxels, one to a few times the distance between points. Both surfaces of a pair
+        need the same.
     threads : int, optional
-        Threads to compute on, None for all cores. The result does not depend on it.
-
-    Raises
-    ------
-    InputError
-        For points that are not finite, or a spacing that is not positive or at which no place has a plane.
-    OutOfMemoryError
-        Where the system gives no memory for the computation.
+        Number of threads; all cores by default. The result does not depend on it.
 
     Examples
     --------
@@ -59,15 +52,7 @@ class FineSurface:
 
     @property
     def spacing(self) -> float:
-        """Edge length of the voxels, in the unit of the points.
-
-        Examples
-        --------
-        >>> from cgroup.datasets import standin_pair
-        >>> from cgroup.verification import FineSurface
-        >>> FineSurface(standin_pair(pixels=60).source.points, 9.0).spacing
-        9.0
-        """
+        """Edge length of the voxels, in the unit of the points."""
         return self._spacing
 
     def __len__(self) -> int:
@@ -80,15 +65,15 @@ class FineSurface:
 
 @dataclass(frozen=True, eq=False)
 class Alignment:
-    """A refined pose, and how closely the surfaces lie on each other.
+    """A refined pose, and the residuals between the surfaces under it.
 
     Attributes
     ----------
     T_target_source : (4,4) array of float64
         The refined pose.
     residuals : (m,) array of float64
-        Distance, with its sign, of each paired sample's plane from the nearest point of the other
-        surface, in the unit of the points. A sample is paired if that point is within 3 spacings.
+        Signed distance of each paired sample's plane from the nearest point of the other surface. A sample is
+        paired if that point is within 3 spacings.
     deviations : (m,) array of float64
         Standard deviation of the points around each of these samples from its own plane (three degrees of
         freedom are the plane's): noise and curvature.
@@ -98,18 +83,8 @@ class Alignment:
         ``sum w J^T J`` of a point-to-plane step, for a rotation vector about the target's origin (first)
         and a translation. Divide by the variance of the residuals for the information of a pose graph.
     open_motion : (6,) array of float64 or None
-        The motion that the surfaces hardly resist, in the same coordinates, of a size that moves them by
-        about one spacing; None where they fix all six.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cgroup.datasets import standin_pair
-    >>> from cgroup.verification import FineSurface, align
-    >>> surface = FineSurface(standin_pair(pixels=60).source.points, 9.0)
-    >>> found = align(surface, surface, np.eye(4))
-    >>> found.paired > 0.9, found.information.shape
-    (True, (6, 6))
+        The motion that the surfaces hardly resist, in the same coordinates, scaled to move them by about one
+        spacing; None where they fix all six.
     """
 
     T_target_source: FloatArray
@@ -121,17 +96,7 @@ class Alignment:
 
     @property
     def rmse(self) -> float:
-        """Root mean square of the residuals; NaN where nothing is paired.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> from cgroup.datasets import standin_pair
-        >>> from cgroup.verification import FineSurface, align
-        >>> surface = FineSurface(standin_pair(pixels=60).source.points, 9.0)
-        >>> align(surface, surface, np.eye(4)).rmse < 0.5 * surface.spacing
-        True
-        """
+        """Root mean square of the residuals; NaN where nothing is paired."""
         return float(np.sqrt(np.mean(self.residuals**2))) if len(self.residuals) else float("nan")
 
     def __repr__(self) -> str:
@@ -141,11 +106,13 @@ class Alignment:
 def align(
     source: FineSurface, target: FineSurface, pose: ArrayLike, *, threads: int | None = None
 ) -> Alignment:
-    """Refine a pose that is right to about a spacing or two.
+    """Refine a pose whose error is at most about two spacings.
 
     Point-to-plane steps in both directions, with planes of the samples' own neighbourhoods: reach shrinks
     from 3 to 1.5 spacings, and residuals are weighted by Tukey's function at 4.685 times their robust
     deviation (Y. Chen and G. Medioni, *Object modelling by registration of multiple range images*, 1992).
+
+    `threads` is as for `FineSurface`.
 
     Parameters
     ----------
@@ -153,20 +120,11 @@ def align(
         Of the same spacing.
     pose : (4,4) array_like of float
         Rigid transform from the source into the target.
-    threads : int, optional
-        Threads to compute on, None for all cores. The result does not depend on it.
 
     Returns
     -------
     Alignment
-        The refined pose, and how closely the surfaces lie on each other under it.
-
-    Raises
-    ------
-    InputError
-        For a pose that is not rigid or not one, surfaces of different spacings, or what is no `FineSurface`.
-    OutOfMemoryError
-        Where the system gives no memory for the computation.
+        The refined pose, with the residuals under it.
 
     Examples
     --------
@@ -192,7 +150,7 @@ def align(
 def align_each(
     source: FineSurface, target: FineSurface, poses: FloatArray, samples: int, threads: int | None
 ) -> list[Alignment]:
-    """Refine checked poses, with at most so many samples of either surface."""
+    """Refine checked poses with at most `samples` samples of either surface."""
     surfaces = source._core, target._core  # noqa: SLF001 # pyright: ignore[reportPrivateUsage] - not for users
     aligned = _core.align(*surfaces, poses, run_options(threads), samples)
     return [
@@ -202,13 +160,13 @@ def align_each(
 
 
 def sample_points(surface: FineSurface) -> FloatArray:
-    """Where the samples of a surface lie, (n,3)."""
+    """Return the positions of the samples of a surface, (n,3)."""
     return surface._core.sample_points()  # noqa: SLF001 # pyright: ignore[reportPrivateUsage] - not for users
 
 
 def plane_distances(
     source: FineSurface, target: FineSurface, pose: FloatArray, threads: int | None
 ) -> FloatArray:
-    """Distance of the target's nearest point from each sample's own plane; NaN for none within 3 spacings."""
+    """Return distances of the target's nearest points from the samples' planes; NaN beyond 3 spacings."""
     surfaces = source._core, target._core  # noqa: SLF001 # pyright: ignore[reportPrivateUsage] - not for users
     return _core.plane_distances(*surfaces, pose[None], run_options(threads))

@@ -1,4 +1,4 @@
-"""Nearest places on a surface under a pose."""
+"""Classify the points of a surface under a pose."""
 
 from __future__ import annotations
 
@@ -14,29 +14,21 @@ from cgroup.verification.surface import Surface, core_surfaces
 
 
 class Place(IntEnum):
-    """Where a moved point of one surface lies with respect to the other.
+    """Position of a moved point of one surface with respect to the other surface.
 
     Attributes
     ----------
     UNKNOWN : 0
-        Hidden from the other's scanner, by either surface; or without a normal; or away from a surface whose
-        scanner is not known.
+        Hidden from the other's scanner by either surface, without a normal, or away from a surface whose
+        scanner is unknown.
     ON : 1
         On the other surface, which faces the same way.
     OFF : 2
         Near the other surface, but not on it, or facing another way.
     IN_FRONT : 3
-        In front of what the other's scanner saw: had the point been there, it would have been seen.
+        In the free space in front of the surface that the other's scanner observed.
     BACKGROUND : 4
-        Where the other's scanner saw nothing, and should have seen the point.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cgroup.verification import Place
-    >>> found = np.array([1, 1, 0, 3], dtype=np.uint8)  # as `places` returns them
-    >>> int((found == Place.ON).sum()), Place(found[3]).name
-    (2, 'IN_FRONT')
+        In front of a background that the other's scanner observed as empty.
     """
 
     UNKNOWN = 0
@@ -49,34 +41,20 @@ class Place(IntEnum):
 def places(
     source: Surface, target: Surface, pose: ArrayLike, *, threads: int | None = None
 ) -> NDArray[np.uint8]:
-    """Say where each point of the source comes to lie under a pose.
+    """Classify each point of the source under a pose by its position relative to the target.
 
-    By the measure of the last round of `verify`: with the nearest point y, normal m, of the target (up to 4
-    units away), a moved point x lies on it where ``((x - y).m)^2 + 0.15 |x - y|^2 < t^2``, t = 2 units, and
-    the normals' cosine exceeds 0.8. Where none is near, what the target's scanner saw decides, with a
-    tolerance of 3 units. If the scanner is known, points that face away from it (cosine 0.3) or that lie 3
-    units behind the source's own surface are left out as unknown.
+    As in the last round of `verify`: with the nearest point y, normal m, of the target (up to 4 units away),
+    a moved point x lies on it where ``((x - y).m)^2 + 0.15 |x - y|^2 < t^2``, t = 2 units, and the normals'
+    cosine exceeds 0.8. Without a near point, the target's observed ranges decide, with a tolerance of 3
+    units. If the scanner is known, points that face away from it (cosine 0.3) or that lie 3 units behind the
+    source's own surface are unknown.
 
-    Parameters
-    ----------
-    source, target : Surface
-        Of the same unit.
-    pose : (4,4) array_like of float
-        Rigid transform from the source into the target.
-    threads : int, optional
-        Threads to compute on, None for all cores. The result does not depend on it.
+    Parameters are as for `align`, with surfaces of the same unit.
 
     Returns
     -------
     (n,) array of uint8
         A `Place` per point of the source, in their order.
-
-    Raises
-    ------
-    InputError
-        For a pose that is not rigid, surfaces of different units, or what is no `Surface`.
-    OutOfMemoryError
-        Where the system gives no memory for the computation.
 
     Examples
     --------

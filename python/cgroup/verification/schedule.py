@@ -1,4 +1,4 @@
-"""From many poses to few: coarse scores of all, finer scores of the best, with refinements between."""
+"""Verify many poses: score all coarsely, then refine and score the best more finely."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ DIFFERENT_DEGREES, DIFFERENT_UNITS = _core.DIFFERENT_POSES
 """Angle, or displacement of the source's centre in units, beyond which two poses differ."""
 
 MATCH_UNITS = 2.5
-"""Distance within which a match speaks for a pose, in units: a voxel."""
+"""Distance within which a match supports a pose, in units: a voxel."""
 
 
 @dataclass(frozen=True, eq=False)
 class Verification:
-    """The poses that survived, and what the surfaces say of the best.
+    """The poses that survived, and the evidence of the surfaces for the best.
 
     Attributes
     ----------
     T_target_source : (4,4) array of float64
         The best pose, which moves the source's points onto the target.
     score : float
-        Its agreement less violations, at most 2; 0 or less for nothing in common.
+        Its agreement minus violations, at most 2; at most 0 for surfaces with nothing in common.
     margin : float
         Lead in ``ln score + 0.1 ln(1 + min(evidence, 20))`` over the best pose that differs by more than 10
         degrees or 20 units; infinite where there is none.
@@ -43,28 +43,14 @@ class Verification:
         origin (first) and a translation. Divide by the variance of the distances for the information of a
         pose graph.
     open_motion : (6,) array of float64 or None
-        Where the surfaces leave a motion open (a plane, a cylinder, a sphere): the one they resist least, in
-        the same coordinates, of a size that moves them by about one unit. None where they fix all six.
+        The motion that the surfaces resist least, if they leave one open (a plane, a cylinder, a sphere), in
+        the same coordinates, scaled to move them by about one unit; else None.
     poses : (k,4,4) array of float64
         Up to 12, best first; none within 3 units of a better one.
     scores : (k,) array of float64
         Of each.
     evidence : (k,) array of int64
-        Matches that each lays together; 0 without matches.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cgroup import features
-    >>> from cgroup.datasets import standin_pair
-    >>> from cgroup.verification import Surface, verify
-    >>> points = standin_pair(pixels=60).source.points
-    >>> surface = Surface(
-    ...     points, features.normals(points), unit=0.4 * features.resolution(points)
-    ... )
-    >>> found = verify(surface, surface, np.eye(4))
-    >>> found.T_target_source.shape, found.score > 1.9, found.margin, found.fitness
-    ((4, 4), True, inf, 1.0)
+        Number of matches that support each; 0 without matches.
     """
 
     T_target_source: FloatArray
@@ -104,27 +90,18 @@ def verify(
     source, target : Surface
         Of the same unit.
     poses : (m,4,4) or (4,4) array_like of float
-        Rigid transforms from the source into the target: a grouping's model, its alternatives, one per match,
-        your own.
+        Rigid transforms from the source into the target, from any method.
     matches : Correspondences, optional
-        Putative matches; those that a refined pose lays together speak a little for it.
+        Putative matches; those that agree with a refined pose support it a little.
     match_tolerance : float, optional
-        Distance within which they do; 2.5 units, a voxel, unless given.
+        Distance within which a match agrees; 2.5 units, a voxel, by default.
     threads : int, optional
-        Threads to compute on, None for all cores. The result does not depend on it.
+        Number of threads; all cores by default. The result does not depend on it.
 
     Returns
     -------
     Verification
-        Always with a best pose, which may be wrong: see its `score` and `margin`.
-
-    Raises
-    ------
-    InputError
-        For no pose, one that is not rigid (the message names it), surfaces of different units, what is no
-        `Surface` or no `Correspondences`, or a tolerance that is not positive.
-    OutOfMemoryError
-        Where the system gives no memory for the computation.
+        Always with a best pose, which may be wrong; `score` and `margin` show how reliable it is.
 
     Examples
     --------
@@ -165,35 +142,20 @@ def verify(
 def score_poses(
     source: Surface, target: Surface, poses: ArrayLike, *, threads: int | None = None
 ) -> FloatArray:
-    """Score poses as they are, by the measure of the last round of `verify`.
+    """Return the scores of poses without refining them, as in the last round of `verify`.
 
     A sample x of one surface, moved onto the other, finds the nearest point y with normal m (nearest to the
     centre of a cell of 1 unit, up to 4 units away). With ``e^2 = ((x - y).m)^2 + 0.15 |x - y|^2`` it counts
     ``1 - e^2/t^2`` where that is positive, t = 2 units, and the normals' cosine exceeds 0.8. One that finds
-    none counts -1 where it lies more than 3 units before what the other's scanner saw, and -0.3 before its
-    background while facing the scanner. The score is the sum of both means.
+    none counts -1 if it lies more than 3 units in front of the other's observed surface, and -0.3 if it lies
+    in front of its background and faces the scanner. The score is the sum of both means.
 
-    Parameters
-    ----------
-    source, target : Surface
-        Of the same unit.
-    poses : (m,4,4) or (4,4) array_like of float
-        Rigid transforms from the source into the target.
-    threads : int, optional
-        Threads to compute on, None for all cores. The result does not depend on it.
+    Parameters are as for `verify`.
 
     Returns
     -------
     (m,) array of float64
         At most 2, one per pose.
-
-    Raises
-    ------
-    InputError
-        For a pose that is not rigid (the message names it), surfaces of different units, or what is no
-        `Surface`.
-    OutOfMemoryError
-        Where the system gives no memory for the computation.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Surfaces on which poses are judged."""
+"""Surfaces for verifying poses."""
 
 from __future__ import annotations
 
@@ -13,37 +13,28 @@ from cgroup.types import AnyCloud
 
 
 class Surface:
-    """A surface that poses are judged on, made ready once for any number of them.
+    """A surface for verifying poses, prepared once for any number of poses and partners.
 
-    It keeps nearest points, ranges and samples, and serves with any number of partners. Memory grows with the
-    points and their surface, some kilobytes per point, not with the box around them. Threads may share a
-    surface.
+    It keeps nearest points, ranges and samples. Memory grows with the points and their surface, some
+    kilobytes per point, not with the bounding box. Threads may share a surface.
 
     Parameters
     ----------
     points : (N,3) array_like of float
-        Ten or more, finite, about evenly spread: thin a raw scan to voxels first.
+        Ten or more, finite, about evenly spread: downsample a raw scan to voxels first.
     normals : (N,3) array_like of float
         Of any length; NaN or zero for none.
     unit : float
-        0.4 of the voxel, or of the distance between points. All tolerances are multiples of it. Both surfaces
+        0.4 of the voxel or of the distance between points. All tolerances are multiples of it. Both surfaces
         of a pair need the same.
     viewpoint : (3,) array_like of float, optional
-        Where the scanner stood, if the points are one single scan with normals towards it. What lies before
-        the scanned surface then counts against a pose. Leave it out for points fused from several scans.
+        Position of the scanner, for a single scan with normals towards it. Points in front of the observed
+        surface then count against a pose. Leave it out for points fused from several scans.
     oriented : bool, optional
         Whether the normals point to the same side of the surface in both clouds; otherwise a normal and its
-        opposite are the same. None stands for whether there is a viewpoint.
+        opposite are equal. By default true if there is a viewpoint.
     threads : int, optional
-        Threads to compute on, None for all cores. The result does not depend on it.
-
-    Raises
-    ------
-    InputError
-        For a wrong shape, a coordinate that is not finite, fewer than 10 points with a normal, a unit that is
-        not positive, or points that span fewer than 10 units or so many that the unit can't be meant.
-    OutOfMemoryError
-        Where the system gives no memory for the computation.
+        Number of threads; all cores by default. The result does not depend on it.
 
     Examples
     --------
@@ -82,17 +73,7 @@ class Surface:
 
     @property
     def unit(self) -> float:
-        """The length that all tolerances are multiples of, in the unit of the points.
-
-        Examples
-        --------
-        >>> from cgroup import features
-        >>> from cgroup.datasets import standin_pair
-        >>> from cgroup.verification import Surface
-        >>> points = standin_pair(pixels=60).source.points
-        >>> Surface(points, features.normals(points), unit=2.5).unit
-        2.5
-        """
+        """The length that all tolerances are multiples of, in the unit of the points."""
         return self._unit
 
     def __len__(self) -> int:
@@ -104,6 +85,6 @@ class Surface:
 
 
 def core_surfaces(source: Surface, target: Surface) -> tuple[_core.Surface, _core.Surface]:
-    """Check two surfaces, and return what the compiled core takes."""
+    """Check two surfaces; return those of the compiled core."""
     pair = as_instance("source", source, Surface), as_instance("target", target, Surface)
     return pair[0]._core, pair[1]._core  # noqa: SLF001 # pyright: ignore[reportPrivateUsage] - not for users

@@ -1,4 +1,4 @@
-"""Recognise models in a scene."""
+"""Recognize models in a scene."""
 
 from __future__ import annotations
 
@@ -28,23 +28,14 @@ _MOST_SCENE_VOXELS = 40_000
 
 
 class Recognized(NamedTuple):
-    """A model that was found in a scene.
+    """A model found in a scene.
 
     Attributes
     ----------
     name : str
         Name of the model, as given.
     registration : Registration
-        Where it is: `Registration.T_target_source` maps the model into the scene.
-
-    Examples
-    --------
-    >>> from cgroup.datasets import standin_pair
-    >>> from cgroup.registration import recognize
-    >>> pair = standin_pair(pixels=60)
-    >>> found = recognize({"stone": pair.source}, pair.target)
-    >>> found[0].name, found[0].registration.ok
-    ('stone', True)
+        Its pose: `Registration.T_target_source` maps the model into the scene.
     """
 
     name: str
@@ -64,47 +55,33 @@ def recognize(
     threads: int | None = None,
     progress: Callable[[str], Any] | None = None,
 ) -> list[Recognized]:
-    """Say which models are in a scene, and where.
+    """Return the models found in a scene, with their poses.
 
-    The most probable model is taken first, with all of the scene that it explains; the search goes on in what
-    is left, until no model is found any more. So no two models share a surface, and several copies of a model
-    are found one after the other.
+    The most probable model is taken first, with the part of the scene that it explains; the search continues
+    in the rest until no model is found. So no two models share a surface, and copies of a model are found one
+    after the other. Further parameters are as for `register`.
 
     Parameters
     ----------
     models : mapping of str to PreparedScan, PointCloud, Cloud, path or (N,3) array_like of float
-        Whole models by name, in the scene's unit. With a viewpoint each needs faces or normals that tell its
-        outside.
+        Whole models by name, in the scene's unit. With a viewpoint each needs faces or normals.
     scene : PreparedScan, PointCloud, Cloud, path or (N,3) array_like of float
-        What they are looked for in.
+        The scene.
     voxel : float, optional
-        Edge length of the voxels, in the unit of the points. By default one that leaves the scene some 10,000
-        voxels, or more where the smallest model would have less than 5,000.
+        Edge length of the voxels, in the unit of the points. By default about 10,000 voxels are left of the
+        scene, or more if the smallest model would have less than 5,000.
     viewpoint : (3,) array_like of float, optional
-        Where the scanner stood, in the scene's frame, if the scene is one single scan. What a model would
-        hide of it then speaks against the model: without it far less can be said.
+        Position of the scanner, if the scene is a single scan. Without it the result is far less certain.
     view_direction : (3,) array_like of float, optional
-        Where the scanner looked, where its place is not known or its rays are parallel.
+        Viewing direction of the scanner, if its position is unknown or its rays are parallel.
     most : int, optional
-        How many copies of a model to look for; any number by default.
-    threads : int, optional
-        Threads to compute on, None for all cores.
-    progress : callable, optional
-        Called with the name of each stage as it begins.
+        Largest number of copies of a model; any by default.
 
     Returns
     -------
     list of Recognized
-        ``(name, registration)`` of each model found, surest first within each round; empty if none is there.
+        ``(name, registration)`` of each model found, the most probable first within each round.
         `Registration.fitness` is the share of the model's surface that the scene shows.
-
-    Raises
-    ------
-    InputError
-        If a cloud or an option can't be worked with (the message names it), there is no model, or a model has
-        neither faces nor normals where there is a viewpoint.
-    OutOfMemoryError
-        Where the system gives no memory for the computation.
 
     Examples
     --------
@@ -138,39 +115,17 @@ def find_instances(
 ) -> list[Registration]:
     """Find all copies of a model in a scene.
 
+    Further parameters are as for `recognize` and as for `register`.
+
     Parameters
     ----------
     model : PreparedScan, PointCloud, Cloud, path or (N,3) array_like of float
-        Whole model, in the scene's unit. With a viewpoint it needs faces or normals that tell its outside.
-    scene : PreparedScan, PointCloud, Cloud, path or (N,3) array_like of float
-        What it is looked for in.
-    voxel : float, optional
-        Edge length of the voxels, in the unit of the points. By default one that leaves the scene some 10,000
-        voxels, or more where the model would have less than 5,000.
-    viewpoint : (3,) array_like of float, optional
-        Where the scanner stood, in the scene's frame, if the scene is one single scan. What the model would
-        hide of it then speaks against the model: without it far less can be said.
-    view_direction : (3,) array_like of float, optional
-        Where the scanner looked, where its place is not known or its rays are parallel.
-    most : int, optional
-        How many copies to look for; any number by default.
-    threads : int, optional
-        Threads to compute on, None for all cores.
-    progress : callable, optional
-        Called with the name of each stage as it begins.
+        Whole model, in the scene's unit. With a viewpoint it needs faces or normals.
 
     Returns
     -------
     list of Registration
-        One per copy, in the order found; empty if there is none.
-
-    Raises
-    ------
-    InputError
-        If a cloud or an option can't be worked with (the message names it), or the model has neither faces
-        nor normals where there is a viewpoint.
-    OutOfMemoryError
-        Where the system gives no memory for the computation.
+        One per copy, in the order found.
 
     Examples
     --------
@@ -201,7 +156,7 @@ def _prepare_all(
     threads: int | None,
     clock: StageClock,
 ) -> tuple[dict[str, PreparedScan], PreparedScan]:
-    """Make models and scene ready with one voxel, and normals on the same side."""
+    """Prepare models and scene with one voxel, and normals on the same side."""
     clock.start("voxel size")
     as_named("models", models, "give a dict of clouds by name")
     if viewpoint is not None:
@@ -222,7 +177,7 @@ def _prepare_all(
 
 
 def _as_model(name: str, model: PreparedScan | Cloud | AnyCloud, *, by_frames: bool) -> Given:
-    """Check a model; unless it is ready, it gets normals outwards from its faces, or else those it has."""
+    """Check a model; unless prepared, it gets outward normals from its faces, or else its own."""
     label = f"model {show(name)}"
     if isinstance(model, PreparedScan):
         if model.by_frames and not by_frames:
