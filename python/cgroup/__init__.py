@@ -24,7 +24,6 @@ from cgroup._runtime import interrupts
 interrupts.watch_for_interrupts()  # before anything that takes time
 
 from cgroup import _core
-from cgroup._checks.hooks import fill_hooks as _fill_hooks
 from cgroup._core import __version__
 from cgroup._runtime.memory import reserve_linear_algebra as _reserve_linear_algebra
 from cgroup.errors import CgroupError, InputError, NoConsensusError, OutOfMemoryError
@@ -37,10 +36,6 @@ from . import methods
 from .methods import *  # noqa: F403 - the methods, as they list themselves
 
 if _TYPE_CHECKING:
-    from os import PathLike as _PathLike
-
-    from numpy.typing import ArrayLike as _ArrayLike
-
     from cgroup import comparison as comparison
     from cgroup import datasets as datasets
     from cgroup import evaluation as evaluation
@@ -52,7 +47,6 @@ if _TYPE_CHECKING:
     from cgroup import registration as registration
     from cgroup import scenes as scenes
     from cgroup import verification as verification
-    from cgroup._show.drawing import Drawing as _Drawing
     from cgroup.io import read_cloud as read_cloud
     from cgroup.io import write_cloud as write_cloud
     from cgroup.registration import Registration as Registration
@@ -62,11 +56,8 @@ if _TYPE_CHECKING:
     from cgroup.registration import refine as refine
     from cgroup.registration import register as register
     from cgroup.registration import register_many as register_many
-    from cgroup.scenes import Scene as _Scene
     from cgroup.scenes import locate as locate
     from cgroup.scenes import register_all as register_all
-    from cgroup.types import AnyCloud as _AnyCloud
-    from cgroup.types import PointCloud as _PointCloud
 
     merge = register_all
 
@@ -133,38 +124,7 @@ def __dir__() -> list[str]:
     return sorted({*__all__, *_ROOMS, *_ROOM_OF, *_ALIASES, "methods"})
 
 
-def _explain(grouping: Grouping, index: int) -> Explanation:
-    from cgroup._explain import explain_match  # noqa: PLC0415 - loaded when it is called for
-
-    return explain_match(grouping, index)
-
-
-def _draw(drawing: _Drawing) -> _Any:  # noqa: ANN401 - matplotlib's Figure
-    from cgroup.plots.matches import figure_of  # noqa: PLC0415 - as above
-
-    return figure_of(drawing)
-
-
-def _draw_interactive(drawing: _Drawing) -> _Any:  # noqa: ANN401 - plotly's Figure
-    from cgroup.pages.scene import figure_of  # noqa: PLC0415 - as above
-
-    return figure_of(drawing)
-
-
-def _add_scan(scene: _Scene, scan: _AnyCloud, viewpoint: _ArrayLike | None) -> _Scene:
-    from cgroup.scenes.register_all import add_scan  # noqa: PLC0415 - as above
-
-    return add_scan(scene, scan, viewpoint)
-
-
-def _read_cloud(path: str | _PathLike[str]) -> _PointCloud:
-    from cgroup.io import read_cloud  # noqa: PLC0415 - as above
-
-    return read_cloud(path)
-
-
 _reserve_linear_algebra()
-_fill_hooks(cloud=_read_cloud, explanation=_explain, figure=_draw, chart=_draw_interactive, scene=_add_scan)
 
 if _core.DEBUG_BUILD:
     _warnings.warn(

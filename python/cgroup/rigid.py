@@ -129,17 +129,19 @@ def split_scale(transform: FloatArray) -> tuple[float, FloatArray]:
 
 
 def are_rigid(poses: FloatArray) -> BoolArray:
-    """Tell which of many 4x4 matrices `check_rigid` accepts."""
+    """Return the mask of the 4x4 matrices that `check_rigid` accepts."""
     with np.errstate(invalid="ignore", over="ignore"):
         rotations = poses[:, :3, :3]
         deviations = np.abs(rotations.transpose(0, 2, 1) @ rotations - np.eye(3)).max(axis=(1, 2))
         last = np.isclose(poses[:, 3], (0, 0, 0, 1), atol=1e-9).all(axis=1)
-        rigid = (deviations <= RIGID_TOLERANCE) & (np.linalg.det(rotations) > 0) & last
+        # No determinant by LAPACK, which ends the process where it gets no working memory.
+        side = (cross_products(rotations[:, 0], rotations[:, 1]) * rotations[:, 2]).sum(axis=1)
+        rigid = (deviations <= RIGID_TOLERANCE) & (side > 0) & last
     return rigid & np.isfinite(poses).all(axis=(1, 2))
 
 
 def as_poses(name: str, value: ArrayLike, count: int | None = None) -> FloatArray:
-    """Return rigid transforms (N,4,4), as many as told."""
+    """Return rigid transforms (N,4,4), and check their number if it is given."""
     poses = as_floats(name, value)
     if poses.size == 0:
         poses = poses.reshape(0, 4, 4)
@@ -164,7 +166,7 @@ def _matrix(name: str, transform: ArrayLike) -> FloatArray:
 
 
 def rotation_error(estimated: ArrayLike, true: ArrayLike) -> float:
-    """Angle between the rotations of two poses.
+    """Return the angle between the rotations of two poses.
 
     Parameters
     ----------
@@ -189,7 +191,7 @@ def rotation_error(estimated: ArrayLike, true: ArrayLike) -> float:
 
 
 def translation_error(estimated: ArrayLike, true: ArrayLike) -> float:
-    """Distance between the translations of two poses.
+    """Return the distance between the translations of two poses.
 
     Parameters
     ----------
@@ -199,7 +201,7 @@ def translation_error(estimated: ArrayLike, true: ArrayLike) -> float:
     Returns
     -------
     float
-        In the data's unit. It depends on where the origin of the source lies.
+        In the data's unit. It depends on the origin of the source.
 
     Examples
     --------
@@ -215,7 +217,7 @@ def translation_error(estimated: ArrayLike, true: ArrayLike) -> float:
 
 
 def angles(rotations: FloatArray) -> FloatArray:
-    """Return the angles (n,) in degrees, 0 to 180, by which rotations (n,3,3) turn."""
+    """Return the angles (n,) of rotations (n,3,3) in degrees, 0 to 180."""
     sines = (rotations - rotations.transpose(0, 2, 1))[:, [2, 0, 1], [1, 2, 0]]
     # The sine keeps the precision that the arc cosine of the trace loses near 0 and 180 degrees.
     cosine = np.einsum("nii->n", rotations) - 1
@@ -238,12 +240,12 @@ def quaternions(rotations: FloatArray) -> FloatArray:
 
 
 def cross_products(one: FloatArray, other: FloatArray) -> FloatArray:
-    """Cross products of rows (n,3); `np.cross` takes much longer for few."""
+    """Return cross products of rows (n,3); `np.cross` is much slower for few."""
     return one[:, _NEXT] * other[:, _LAST] - one[:, _LAST] * other[:, _NEXT]
 
 
 def axis_of(transform: FloatArray) -> FloatArray:
-    """Return the unit axis about which a rotation turns by the right hand; of half a turn, either."""
+    """Return the unit axis of a rotation by the right-hand rule; either one for half a turn."""
     rotation = transform[:3, :3]
     sines = rotation - rotation.T
     axis = np.array([sines[2, 1], sines[0, 2], sines[1, 0]])
@@ -254,7 +256,7 @@ def axis_of(transform: FloatArray) -> FloatArray:
 
 
 def turn(x: ArrayLike, y: ArrayLike, z: ArrayLike, w: ArrayLike) -> FloatArray:
-    """Rotations (...,3,3) of unit quaternions, whose parts (...) are given one by one."""
+    """Return rotations (...,3,3) of unit quaternions with separate parts (...)."""
     x, y, z, w = np.broadcast_arrays(*(np.asarray(part, dtype=np.float64) for part in (x, y, z, w)))
     rows = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],

@@ -128,7 +128,7 @@ def test_nothing_is_guessed_far_away(capsys: Capture) -> None:
         ("--map bare", "bare: no folder that --save-map has written"),
         ("--map bare --voxel 3", "--voxel: for a map that is a cloud"),
         ("--map bare --save-map new", "--save-map: for a map that is a cloud"),
-        ("--map map.ply --save-map bare", "bare: is there already; give the name of a new folder"),
+        ("--map map.ply --save-map bare", "bare: exists already; give the name of a new folder"),
         ("--map map.ply --save-map map.ply/new", "map.ply/new: can't be made a folder"),
         ("--map map.ply --radius 5", "--radius: got 5.0, but no place; give --near, too"),
         ("--map map.ply --voxel 0", "--voxel: got 0"),

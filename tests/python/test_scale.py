@@ -216,7 +216,9 @@ def test_bounds_are_checked(scale: Any, message: str) -> None:
     ],
 )
 def test_what_needs_a_known_scale_is_refused(others: dict[str, Any]) -> None:
-    with pytest.raises(InputError, match=f"scale, {next(iter(others))}: the scale is estimated from all voxels"):
+    with pytest.raises(
+        InputError, match=f"scale, {next(iter(others))}: the scale is estimated from all voxels"
+    ):
         register(SOURCE, TARGET, scale=True, **others)
 
 

@@ -22,7 +22,7 @@ from cgroup.scenes.agreement import (
     squared_errors,
     weigh_by_triangles,
 )
-from cgroup.scenes.decide import decide, drop_contradicted, hang_firmly
+from cgroup.scenes.decide import decide, drop_contradicted, drop_weak_bridges
 from cgroup.scenes.links import Link
 from cgroup.scenes.partners import _fisher_vector, choose_partners, describe_scans
 from cgroup.types import PointCloud
@@ -142,24 +142,24 @@ def test_scans_that_show_the_same_confirm_nothing():
 def test_doubtful_poses_join_no_two_parts():
     pairs = np.array([(1, 0), (2, 1), (4, 3), (5, 4), (3, 0), (4, 1)])
     sure, firm = np.array([0.99, 0.99, 0.99, 0.99, 0.6, 0.6]), np.zeros(6, dtype=bool)
-    assert hang_firmly(pairs, sure, firm, 6).tolist() == [True, True, True, True, False, False]
+    assert drop_weak_bridges(pairs, sure, firm, 6).tolist() == [True, True, True, True, False, False]
     sure[4:] = 0.85  # together as good as one that is sure
-    assert hang_firmly(pairs, sure, firm, 6).all()
+    assert drop_weak_bridges(pairs, sure, firm, 6).all()
     pairs[5] = (4, 0)  # of the same scan
-    assert hang_firmly(pairs, sure, firm, 6).tolist() == [True, True, True, True, False, False]
+    assert drop_weak_bridges(pairs, sure, firm, 6).tolist() == [True, True, True, True, False, False]
     firm[4] = True  # by a union
-    assert hang_firmly(pairs, sure, firm, 6).all()
-    assert hang_firmly(pairs[:1], np.array([0.6]), firm[:1], 2).all()
+    assert drop_weak_bridges(pairs, sure, firm, 6).all()
+    assert drop_weak_bridges(pairs[:1], np.array([0.6]), firm[:1], 2).all()
 
 
 def test_a_single_scan_hangs_on_a_part_by_two_doubtful_poses():
     pairs = np.array([(1, 0), (2, 1), (3, 0), (4, 1), (4, 2)])
     sure = np.array([0.99, 0.99, 0.6, 0.6, 0.6])
-    assert hang_firmly(pairs, sure, sure > 0.9, 5).tolist() == [True, True, False, True, True]
+    assert drop_weak_bridges(pairs, sure, sure > 0.9, 5).tolist() == [True, True, False, True, True]
     pairs = np.append(pairs, [(6, 5), (4, 5), (4, 6)], axis=0)  # as well on another part
     sure = np.append(sure, [0.99, 0.6, 0.6])
     expected = [True, True, False, False, False, True, False, False]
-    assert hang_firmly(pairs, sure, sure > 0.9, 7).tolist() == expected
+    assert drop_weak_bridges(pairs, sure, sure > 0.9, 7).tolist() == expected
 
 
 def test_a_scan_that_others_contradict_is_linked_with_none():
@@ -282,7 +282,7 @@ def test_the_same_scan_twice_and_scans_that_share_nothing(bag):
     assert np.abs(twice.poses[1] - np.eye(4)).max() < 0.1
     apart = register_all([scans[int(np.argmax(objects == 1))], scans[int(np.argmax(objects == 4))]])
     assert apart.components == [[0], [1]]
-    assert apart.notes == ("no two scans hang together",)
+    assert apart.notes == ("no two scans are connected",)
 
 
 @pytest.mark.parametrize(

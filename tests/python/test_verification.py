@@ -237,9 +237,9 @@ def test_surfaces_that_make_no_sense_are_refused(
     [
         (np.empty((0, 4, 4)), "at least one"),
         (np.eye(3), "shape"),
-        (np.diag([1.0, 1, -1, 1]), "pose 1 of 2 is not rigid"),
-        (np.eye(4) * 2, "pose 1 of 2"),
-        (np.full((4, 4), np.nan), "pose 1 of 2"),
+        (np.diag([1.0, 1, -1, 1]), r"poses\[1\]: its upper left 3x3 block is a reflection"),
+        (np.eye(4) * 2, r"poses\[1\]: "),
+        (np.full((4, 4), np.nan), r"poses\[1\]: "),
     ],
 )
 def test_poses_that_make_no_sense_are_refused(pose: FloatArray, words: str) -> None:

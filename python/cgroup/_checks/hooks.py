@@ -1,24 +1,23 @@
-"""Hooks through which results explain and draw themselves, and paths become clouds.
+"""Functions of higher rooms that results and checks call: they explain, draw, and read clouds.
 
-Results and checks lie in low rooms, explanations, figures and readers in higher ones. `cgroup` itself knows
-all rooms and fills the hooks in, with functions that load a room when they are called.
+A higher room is loaded when one of its functions is called first.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from importlib import import_module
+from typing import Any
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-_hooks: dict[str, Callable[..., Any]] = {}
-
-
-def fill_hooks(**functions: Callable[..., Any]) -> None:
-    """Set the function behind each hook."""
-    _hooks.update(functions)
+_HOOKS = {
+    "cloud": ("cgroup.io", "read_cloud"),
+    "explanation": ("cgroup._explain", "explain_match"),
+    "figure": ("cgroup.plots.matches", "figure_of"),
+    "chart": ("cgroup.pages.scene", "figure_of"),
+    "scene": ("cgroup.scenes.register_all", "add_scan"),
+}
 
 
-def call_hook(name: str, *arguments: Any) -> Any:  # noqa: ANN401 - whatever the higher room takes and makes
-    """Call the function behind a hook."""
-    return _hooks[name](*arguments)
+def call_hook(name: str, *arguments: Any) -> Any:  # noqa: ANN401 - types of the higher room
+    """Call the function of a hook."""
+    module, function = _HOOKS[name]
+    return getattr(import_module(module), function)(*arguments)

@@ -17,7 +17,7 @@ from cgroup.types import AnyCloud, RealArray
 
 
 class Cloud:
-    """A point cloud that is checked and indexed once for all functions of `cgroup.features`.
+    """A point cloud, checked and indexed once for all functions of `cgroup.features`.
 
     Each of them takes an array too, but then checks, centres and indexes it again. A `Cloud` keeps its
     search tree, the neighbours within the last three radii, and its resolution: up to 240 bytes per point.

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from numpy.typing import ArrayLike
 
 from cgroup import _core
+from cgroup._checks.arrays import as_reals
 from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_count, as_flag, as_number
-from cgroup.features._rows import as_descriptors
-from cgroup.types import BoolArray, FloatArray, IndexArray
+from cgroup.errors import InputError
+from cgroup.types import BoolArray, FloatArray, IndexArray, RealArray
 
 MOST_BYTES = 2**30
 """What matches may take while they are computed; some sixteen million of them."""
@@ -109,3 +110,11 @@ def match(
         None if max_distance is None else as_number("max_distance", max_distance),
     )
     return Matches(*fields)
+
+
+def as_descriptors(name: str, value: ArrayLike) -> RealArray:
+    """Return a table of descriptors as (n,d) float32 or float64."""
+    array = as_reals(name, value)
+    if array.ndim != 2 or array.shape[1] == 0:
+        raise InputError(name, f"shape {array.shape}", "give (n,d), one descriptor per row")
+    return array

@@ -17,7 +17,7 @@ _SLIGHT = 0.1
 
 
 def cross(vectors: FloatArray) -> FloatArray:
-    """Matrices (...,3,3) of the cross products with vectors (...,3)."""
+    """Return the matrices (...,3,3) of the cross products with vectors (...,3)."""
     x, y, z = np.moveaxis(vectors, -1, 0)
     none = np.zeros_like(x)
     return np.stack([none, -z, y, z, none, -x, -y, x, none], axis=-1).reshape(*vectors.shape, 3)
@@ -36,7 +36,7 @@ def motion(vectors: FloatArray, point: FloatArray) -> FloatArray:
 
 
 def vector_of(transform: FloatArray, point: FloatArray) -> FloatArray:
-    """Motion (rotation vector, translation of the point) of a transform; by less than half a turn."""
+    """Return the motion (rotation vector, translation of the point) of a transform, below half a turn."""
     turn = transform[:3, :3]
     sines = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]) / 2
     sine = np.linalg.norm(sines)
@@ -45,22 +45,22 @@ def vector_of(transform: FloatArray, point: FloatArray) -> FloatArray:
 
 
 def about(point: FloatArray) -> FloatArray:
-    """Change of motions: from the translation of the origin to that of a point; of small ones."""
+    """Return the change of small motions from the translation of the origin to that of a point."""
     change = np.eye(6)
     change[3:, :3] = -cross(point)
     return change
 
 
 def adjoint(pose: FloatArray) -> FloatArray:
-    """Change of motions by a pose: ``pose Exp(x) = Exp(Ad x) pose``."""
-    change = np.zeros((6, 6))
-    change[:3, :3] = change[3:, 3:] = pose[:3, :3]
-    change[3:, :3] = cross(pose[:3, 3]) @ pose[:3, :3]
+    """Return the change of motions (...,6,6) by poses (...,4,4): ``pose Exp(x) = Exp(Ad x) pose``."""
+    change = np.zeros((*pose.shape[:-2], 6, 6))
+    change[..., :3, :3] = change[..., 3:, 3:] = pose[..., :3, :3]
+    change[..., 3:, :3] = cross(pose[..., :3, 3]) @ pose[..., :3, :3]
     return change
 
 
 def say_motion(vector: FloatArray, points: FloatArray) -> str:
-    """Put a motion (rotation vector, translation of the origin) of some points into words."""
+    """Describe a motion (rotation vector, translation of the origin) of some points in words."""
     middle, radius = _middle(points)
     turn, shift = vector[:3], vector[3:] + np.cross(vector[:3], middle)
     angle, length = np.linalg.norm(turn), np.linalg.norm(shift)
@@ -83,12 +83,12 @@ def say_direction(vector: FloatArray) -> str:
 
 
 class Resistance(NamedTuple):
-    """How much the surfaces resist motions about their middle.
+    """Resistance of the surfaces to motions about their middle.
 
     Attributes
     ----------
     values : (6,) array of float64
-        Of the motions, from the one that they resist least, as shares of the resistance of all pairs.
+        Of each motion, the least first, as a share of the resistance of all pairs.
     motions : (6,6) array of float64
         One per row: a rotation vector and the translation of the middle, of a size that moves the points by
         about one unit.
@@ -108,7 +108,7 @@ class Resistance(NamedTuple):
 
 
 def resistance(information: FloatArray, points: FloatArray) -> Resistance:
-    """Take the matrix of a point-to-plane step apart into motions about the points' middle."""
+    """Decompose the matrix of a point-to-plane step into motions about the points' middle."""
     middle, radius = _middle(points)
     scale = np.array([1 / radius] * 3 + [1.0] * 3)
     change = np.linalg.inv(about(middle)) * scale
@@ -118,6 +118,6 @@ def resistance(information: FloatArray, points: FloatArray) -> Resistance:
 
 
 def _middle(points: FloatArray) -> tuple[FloatArray, float]:
-    """Medians of the points, and of their distances from it: a few stray points don't move them."""
+    """Return the medians of the points and of their distances from it, which outliers do not move."""
     middle = np.median(points, axis=0)
     return middle, float(np.median(np.linalg.norm(points - middle, axis=1)))

@@ -12,7 +12,7 @@ from cgroup._checks.fields import FIELDS, Fields
 from cgroup._checks.values import as_items, as_length, refusal
 from cgroup.errors import InputError
 from cgroup.features import DescribedCloud
-from cgroup.features._rows import as_descriptors
+from cgroup.features.matching import as_descriptors
 from cgroup.features.voxels import thin
 from cgroup.registration.matching import frame_poses
 from cgroup.registration.prepare import UNIT, PreparedScan

@@ -324,8 +324,3 @@ def keep_upright(poses: FloatArray, axis: FloatArray | None) -> FloatArray:
         return poses
     cosines = np.einsum("i,nij,j->n", axis, poses[:, :3, :3], axis)
     return poses[cosines >= np.cos(np.radians(MAX_TILT))]
-
-
-def is_upright(pose: FloatArray, axis: FloatArray | None) -> bool:
-    """Whether a pose tilts an axis by no more than `MAX_TILT` degrees."""
-    return len(keep_upright(pose[None], axis)) == 1

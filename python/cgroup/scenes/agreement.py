@@ -1,4 +1,4 @@
-"""Whether poses between scans agree with each other: round triangles, and with the poses of a scene."""
+"""Consistency of poses between scans: around triangles, and with the poses of a scene."""
 
 from __future__ import annotations
 
@@ -6,14 +6,15 @@ import itertools
 
 import numpy as np
 
-from cgroup.rigid import axis_of, invert
+from cgroup.registration.motions import adjoint, cross
+from cgroup.rigid import axis_of
 from cgroup.types import FloatArray, IndexArray
 
 DISAGREES = 22.46
 """Squared error above which two poses differ: quantile .999 of chi-squared with six degrees of freedom."""
 
 TURN, SHIFT = np.radians(1.0), 0.5
-"""Deviations that every pose has beside its covariance: radians, and voxels at the middle of the source."""
+"""Deviations of every pose beyond its covariance: radians, and voxels at the middle of the source."""
 
 _BY_CHANCE = 0.02  # share of the triangles of wrong poses that close
 _SUREST, _LEAST = 0.99, 0.01
@@ -21,23 +22,8 @@ _ROUNDS = 10
 _FADED = 1e-9  # sine below which it is rounding
 
 
-def skew(vectors: FloatArray) -> FloatArray:
-    """Matrices of the cross products with vectors, (n,3,3)."""
-    x, y, z = vectors.T
-    zero = np.zeros_like(x)
-    return np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
-
-
-def adjoints(poses: FloatArray) -> FloatArray:
-    """Change of motions by each pose, (n,6,6), as for `cgroup.registration.motions.adjoint`."""
-    changes = np.zeros((len(poses), 6, 6))
-    changes[:, :3, :3] = changes[:, 3:, 3:] = poses[:, :3, :3]
-    changes[:, 3:, :3] = skew(poses[:, :3, 3]) @ poses[:, :3, :3]
-    return changes
-
-
 def rotation_vectors(rotations: FloatArray) -> FloatArray:
-    """Vector of each rotation, (n,3)."""
+    """Return the vector of each rotation, (n,3)."""
     sines = (rotations - rotations.transpose(0, 2, 1))[:, [2, 0, 1], [1, 2, 0]] / 2
     sine, cosine = np.linalg.norm(sines, axis=1), (np.trace(rotations, axis1=1, axis2=2) - 1) / 2
     vectors = sines * (np.arctan2(sine, cosine) / np.maximum(sine, 1e-300))[:, None]
@@ -50,32 +36,32 @@ def rotation_vectors(rotations: FloatArray) -> FloatArray:
 def squared_errors(
     found: FloatArray, expected: FloatArray, covariance: FloatArray, middles: FloatArray, voxel: float
 ) -> FloatArray:
-    """Weigh what leads from expected poses to those found by its covariance, (n,).
+    """Return the squared Mahalanobis distances between found and expected poses, (n,).
 
     Parameters
     ----------
     found, expected : (n,4,4) array of float64
-        Sources into their targets' frames.
+        Poses of the sources in their targets' frames.
     covariance : (n,6,6) array of float64
-        Of both together, of (rotation vector, translation) in the target's frame.
+        Of (rotation vector, translation) in the target's frame, of both together.
     middles : (n,3) array of float64
         Of each source.
     voxel : float
-        Which every pose may be off by a part of.
+        Unit of the further deviation of every pose.
     """
     places = np.einsum("nij,nj->ni", expected[:, :3, :3], middles) + expected[:, :3, 3]
     landed = np.einsum("nij,nj->ni", found[:, :3, :3], middles) + found[:, :3, 3]
     turns = rotation_vectors(found[:, :3, :3] @ expected[:, :3, :3].transpose(0, 2, 1))
     errors = np.concatenate([turns, landed - places], axis=1)
     change = np.tile(np.eye(6), (len(found), 1, 1))
-    change[:, 3:, :3] = -skew(places)
+    change[:, 3:, :3] = -cross(places)
     spread = change @ covariance @ change.transpose(0, 2, 1)
     spread += np.diag([TURN**2] * 3 + [(SHIFT * voxel) ** 2] * 3)
     return np.einsum("ni,ni->n", errors, np.linalg.solve(spread, errors[:, :, None])[:, :, 0])
 
 
 def find_triangles(pairs: IndexArray, count: int) -> IndexArray:
-    """Rows of the three pairs of each triangle of nodes, (t,3): those of (i,j), (i,k), (j,k), i < j < k."""
+    """Return the rows of the pairs (i,j), (i,k), (j,k), i < j < k, of each triangle of nodes, (t,3)."""
     rows: dict[tuple[int, int], list[int]] = {}
     beyond: list[set[int]] = [set() for _ in range(count)]
     for row, (one, other) in enumerate(np.sort(pairs, axis=1).tolist()):
@@ -99,12 +85,11 @@ def weigh_by_triangles(
     middles: FloatArray,
     voxel: float,
 ) -> FloatArray:
-    """Return the probability that each pose is right, given which triangles of poses close.
+    """Return the probability that each pose is right, given the triangles of poses that close.
 
-    A triangle closes if all three are right; else by chance, in one of 50 cases. Where two of its scans show
-    the same, their poses on the third are wrong for the same reason, and close with it: the chance is then
-    the overlap of the two. Probabilities of the other two poses are those of the round before (loopy belief
-    propagation).
+    A triangle closes if all three poses are right; else by chance, in one of 50 cases. If two of its scans
+    overlap, their poses on the third can be wrong for the same reason: the chance is then their overlap. The
+    probabilities of the other two poses are those of the previous round (loopy belief propagation).
 
     Parameters
     ----------
@@ -115,9 +100,9 @@ def weigh_by_triangles(
     covariance : (m,6,6) array of float64
         Of each, in the target's frame.
     prior : (m,) array of float64
-        Probabilities that the two scans alone tell.
+        Probabilities from the two scans alone.
     overlap : (m,) array of float64
-        Share of the two surfaces that lies on each other under each pose.
+        Overlap of the two surfaces under each pose.
     middles : (N,3) array of float64
         Of the scans.
     voxel : float
@@ -135,7 +120,7 @@ def weigh_by_triangles(
         for rows, to in ((triangles[:, 0], i), (triangles[:, 1], i), (triangles[:, 2], k))
     ]
     (direct, one), (first, two), (second, three) = ways
-    turned = adjoints(first)
+    turned = adjoint(first)
     total = one + two + turned @ three @ turned.transpose(0, 2, 1)
     closes = squared_errors(first @ second, direct, total, middles[j], voxel) < DISAGREES
     beliefs = logits.copy()
@@ -154,10 +139,10 @@ def weigh_by_triangles(
 def _into(
     to: IndexArray, pairs: IndexArray, poses: FloatArray, covariance: FloatArray, rows: IndexArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Poses into the frames of some nodes, whichever way round they were found, and their covariances."""
+    """Return poses into the frames of some nodes, inverted if needed, and their covariances."""
     as_found = pairs[rows, 1] == to
     forward, spread = poses[rows], covariance[rows]
-    back = np.array([invert(pose) for pose in forward])
-    change = adjoints(back)
+    back = np.linalg.inv(forward)
+    change = adjoint(back)
     turned = change @ spread @ change.transpose(0, 2, 1)
     return np.where(as_found[:, None, None], forward, back), np.where(as_found[:, None, None], spread, turned)

@@ -1,8 +1,7 @@
-"""A scene in the making: pairs are registered, decided on together, joined and refined."""
+"""Build a scene: register pairs, select links together, join components, refine all scans."""
 
 from __future__ import annotations
 
-import heapq
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -15,31 +14,31 @@ from cgroup.registration.motions import adjoint
 from cgroup.registration.search import Effort
 from cgroup.rigid import invert
 from cgroup.scenes.agreement import DISAGREES, SHIFT, TURN, weigh_by_triangles
-from cgroup.scenes.decide import FIRM, Decision, anchor, decide, graph_of, weigh_residuals
+from cgroup.scenes.decide import FIRM, Decision, anchor, decide, follow_best, graph_of, weigh_residuals
 from cgroup.scenes.join import Join, cross_tasks, link_unions, propose_joins, task_of, weigh_join
 from cgroup.scenes.links import Link, link, weigh_pose
 from cgroup.scenes.partners import choose_partners, describe_scans
 from cgroup.scenes.pose_graph import PoseGraph
-from cgroup.scenes.refine import find_overlapping, lay_on_each_other, lay_on_unions
+from cgroup.scenes.refine import find_overlapping, refine_on_unions, refine_pairs
 from cgroup.scenes.scene import Edge, Scene
 from cgroup.scenes.workers import CallEach
 from cgroup.types import FloatArray
 
 ALL_PAIRS = 20
-"""Scans up to which every pair is tried."""
+"""Largest number of scans of which every pair is tried."""
 
 PARTNERS, BUDGET = 6, 8
-"""Partners that each scan is tried with at first, and pairs per scan that are tried at most."""
+"""First partners of each scan, and largest number of pairs per scan."""
 
 _MORE = 2  # partners of each scan that are tried in each further round
-_JOINS, _UNIONS = 3, 3  # rounds of joining components, and of laying each scan on the others
+_JOINS, _UNIONS = 3, 3  # rounds of joining components, and of refining each scan on the others
 _TURN, _SHIFT = np.radians(3.0), 2.0  # deviations of odometry: radians, voxels
-_DENIED = 0.05  # probability of a pose on the surfaces, below which it is not kept whatever its link says
-_EXACT = 0.2  # part of the deviation of links that is left where scans were refined together
+_REJECTED = 0.05  # probability of a pose on the surfaces below which its link is rejected
+_EXACT = 0.2  # share of the least deviations of links after joint refinement
 
 
-class Building:
-    """A scene in the making."""
+class SceneBuilder:
+    """Builds a scene in steps."""
 
     def __init__(
         self,
@@ -56,30 +55,30 @@ class Building:
         self._links: dict[tuple[int, int], Link] = {}
         self._chances: dict[tuple[int, int], float] = {}
         self._tried: set[tuple[int, int]] = set()
-        self._seen: set[tuple[int, int]] = set()  # links that the surfaces do not deny
-        self._firm: set[tuple[int, int]] = set()  # links of unions that were joined, and those within them
+        self._seen: set[tuple[int, int]] = set()  # links that the surfaces do not reject
+        self._firm: set[tuple[int, int]] = set()  # links of joined unions, and those within them
         self._decision = self._decide()
 
     def _decide(self) -> Decision:
-        """Decide on all links; those that are kept, but that the surfaces deny, are left out."""
+        """Select consistent links, then reject those whose surfaces disagree, until none is rejected."""
         while True:
             decision = decide(self._links, self._chances, self._firm, self._middles, self._voxel)
             unseen = [pair for pair in decision.kept if pair not in self._seen]
             self._seen.update(unseen)
-            told = self._call(weigh_pose, [(pair, (self._links[pair].pose,)) for pair in unseen])
-            denied = [
+            weighed = self._call(weigh_pose, [(pair, (self._links[pair].pose,)) for pair in unseen])
+            rejected = [
                 pair
-                for pair, found in zip(unseen, told, strict=True)
-                if found is None or found.probability < _DENIED
+                for pair, found in zip(unseen, weighed, strict=True)
+                if found is None or found.probability < _REJECTED
             ]
-            if not denied:
+            if not rejected:
                 return decision
-            self._chances.update(dict.fromkeys(denied, 0.0))
+            self._chances.update(dict.fromkeys(rejected, 0.0))
 
     # --- pairs -----------------------------------------------------------------------------------------
 
     def register_pairs(self, wanted: list[tuple[int, int]] | None, odometry: FloatArray | None) -> None:
-        """Register the pairs that are wanted, or those that may show the same."""
+        """Register the given pairs, or those of similar scans."""
         count = len(self.scans)
         self._clock.start("pairs")
         if odometry is not None:
@@ -93,7 +92,7 @@ class Building:
         self._decision = self._decide()
 
     def _register_alike(self) -> None:
-        """Register each scan with those most like it; then what is not linked yet, until a budget ends."""
+        """Register each scan with the most similar ones, then unlinked ones within the budget."""
         vectors = describe_scans(self.scans)
         similarity = vectors @ vectors.T
         wanted = choose_partners(similarity, self._tried, None, PARTNERS)
@@ -112,7 +111,7 @@ class Building:
                 self._links[pair], self._chances[pair] = found, found.probability
 
     def _follow_odometry(self, odometry: FloatArray) -> None:
-        """Register neighbours from where odometry puts them; link them by it where surfaces don't tell."""
+        """Register neighbours from their odometry; link them by it if their surfaces do not decide."""
         pairs = [(row, row - 1) for row in range(1, len(self.scans))]
         moved = np.array([invert(odometry[target]) @ odometry[source] for source, target in pairs])
         self._register(pairs, moved)
@@ -124,10 +123,10 @@ class Building:
                 self._chances[pair] = SURE
                 self._seen.add(pair)
 
-    def grown(self, scan: PreparedScan, call: CallEach) -> Building:
-        """Return a new one with one more scan, registered with those most like it."""
+    def grown(self, scan: PreparedScan, call: CallEach) -> SceneBuilder:
+        """Return a new builder with a further scan, registered to the most similar ones."""
         clock = StageClock(ignore_progress)
-        grown = Building([*self.scans, scan], call, self._axis, self._effort, clock)
+        grown = SceneBuilder([*self.scans, scan], call, self._axis, self._effort, clock)
         grown._links, grown._chances = dict(self._links), dict(self._chances)
         grown._tried, grown._seen, grown._firm = set(self._tried), set(self._seen), set(self._firm)
         row = len(self.scans)
@@ -165,15 +164,15 @@ class Building:
         if not is_accepted(float(union.chances.sum())):  # which bounds it
             return 0.0
         tasks = [cross_tasks(join, self._decision, pose) for pose in union.poses]
-        told = self._call(weigh_pose, [task for some in tasks for task in some])
+        weighed = self._call(weigh_pose, [task for some in tasks for task in some])
         step = len(tasks[0])
-        return weigh_join(union, [told[at : at + step] for at in range(0, len(told), step)])
+        return weigh_join(union, [weighed[at : at + step] for at in range(0, len(weighed), step)])
 
     def _add(self, join: Join, union: Link, chance: float) -> None:
-        """Link two scans by the pose of their unions, which hold together from now on."""
+        """Link two scans by the pose of their unions, whose links are firm from now on."""
         pair = (join.source, join.target)
         if (join.target, join.source) in self._links:
-            pair, union = (join.target, join.source), union.turned
+            pair, union = (join.target, join.source), union.inverse
         self._links[pair], self._chances[pair] = union, chance
         self._seen.add(pair)
         within = (set(part) for part in join.parts)
@@ -184,18 +183,18 @@ class Building:
     # --- refinement ------------------------------------------------------------------------------------
 
     def finish(self) -> Scene:
-        """Join components, refine all scans together, and say what the scene consists of."""
+        """Join components, refine all scans together, and return the scene."""
         self._join()
         self._clock.start("refinement")
         agreeing = {pair for pair, error in self._residuals().items() if error < DISAGREES}
         kept = self._weigh_kept(sorted({*agreeing, *self._decision.kept}))
         pairs = find_overlapping(self.scans, self._decision, kept)
-        laid = lay_on_each_other(self._call, pairs, self._decision, self._middles, self._voxel)
-        laid = {pair: self._links[pair] for pair in kept} | laid
-        self._move(self._graph(laid))
+        refined = refine_pairs(self._call, pairs, self._decision, self._middles, self._voxel)
+        refined = {pair: self._links[pair] for pair in kept} | refined
+        self._move(self._graph(refined))
         for _ in range(_UNIONS):
-            self._move(lay_on_unions(self._call, sorted(laid), self._decision))
-        graph = self._graph(laid)
+            self._move(refine_on_unions(self._call, sorted(refined), self._decision))
+        graph = self._graph(refined)
         covariance = np.zeros((len(self.scans), 6, 6))
         for row, pose in enumerate(self._decision.poses):
             change = adjoint(pose)
@@ -218,24 +217,24 @@ class Building:
         return weigh_residuals(self._links, self._decision, self._middles, self._voxel)
 
     def _move(self, graph: PoseGraph) -> None:
-        """Move the scans to where a graph puts them."""
+        """Move the scans to the optimized poses of a graph."""
         poses = anchor(graph.optimize(start="given").poses, self._decision.labels)
         self._decision = replace(self._decision, poses=poses)
 
-    def _graph(self, laid: dict[tuple[int, int], Link]) -> PoseGraph:
-        rows = sorted(laid)
+    def _graph(self, refined: dict[tuple[int, int], Link]) -> PoseGraph:
+        rows = sorted(refined)
         return graph_of(
             self._decision.poses,
             np.array(rows, dtype=np.int64).reshape(-1, 2),
-            np.array([laid[pair].pose for pair in rows]).reshape(-1, 4, 4),
-            np.array([laid[pair].covariance for pair in rows]).reshape(-1, 6, 6),
+            np.array([refined[pair].pose for pair in rows]).reshape(-1, 4, 4),
+            np.array([refined[pair].covariance for pair in rows]).reshape(-1, 6, 6),
             np.full(len(rows), SURE),
             self._middles,
             (_EXACT * TURN, _EXACT * SHIFT * self._voxel),
         )
 
     def _weigh_kept(self, kept: Sequence[tuple[int, int]]) -> dict[tuple[int, int], float]:
-        """Return the probability of each link that agrees with the scene, as all of them together tell."""
+        """Return the joint probability of each link that agrees with the scene."""
         posterior = weigh_by_triangles(
             np.array(kept, dtype=np.int64).reshape(-1, 2),
             np.array([self._links[pair].pose for pair in kept]).reshape(-1, 4, 4),
@@ -252,7 +251,7 @@ class Building:
         }
 
     def _edges(self, kept: Mapping[tuple[int, int], float]) -> list[Edge]:
-        """Return what was accepted, and what the others bring back."""
+        """Return the accepted links, and those that the others confirm."""
         edges: list[Edge] = []
         residuals = self._residuals()
         for pair, found in sorted(self._links.items()):
@@ -278,20 +277,7 @@ class Building:
         return edges
 
     def _probabilities(self, kept: Mapping[tuple[int, int], float]) -> FloatArray:
-        """Return the least probable link on the best way from the first scan of its component to each."""
-        beside: list[list[tuple[int, float]]] = [[] for _ in self.scans]
-        for (one, other), chance in kept.items():
-            beside[one].append((other, chance))
-            beside[other].append((one, chance))
-        reached = np.zeros(len(self.scans))
-        first = np.unique(self._decision.labels).tolist()
-        reached[first] = 1.0
-        waiting = [(-1.0, row) for row in first]
-        while waiting:
-            chance, row = heapq.heappop(waiting)
-            for other, step in beside[row]:
-                through = min(-chance, step)
-                if through > reached[other]:
-                    reached[other] = through
-                    heapq.heappush(waiting, (-through, other))
-        return reached
+        """Return the least probable link on the best path from the first scan of its component to each."""
+        pairs = np.array(list(kept), dtype=np.int64).reshape(-1, 2)
+        poses = np.array([self._links[pair].pose for pair in kept]).reshape(-1, 4, 4)
+        return follow_best(pairs, poses, np.array(list(kept.values())), len(self.scans))[2]

@@ -1,4 +1,4 @@
-"""Decide jointly: which of the poses between scans are right, and what hangs together by them."""
+"""Select the consistent poses between scans, and the components that they connect."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from cgroup.scenes.pose_graph import PoseGraph
 from cgroup.types import BoolArray, FloatArray, IndexArray
 
 FIRM = 0.9
-"""Probability that the links between two parts need together, for the parts to hang together."""
+"""Least joint probability of the links between two parts that connects them."""
 
-_LARGEST_CHANCE = 1 - 1e-6  # above, an edge would be trusted whatever the others say
-_MOST_NATS = 10.0  # that others say of a link
+_LARGEST_CHANCE = 1 - 1e-6  # above, an edge would be trusted against all others
+_MOST_NATS = 10.0  # evidence of other links
 
 
 @dataclass(frozen=True, eq=False)
 class Decision:
-    """Poses of scans in the frames of their components, and the links that these rest on.
+    """Poses of scans in the frames of their components, and the selected links.
 
     Attributes
     ----------
@@ -34,7 +34,7 @@ class Decision:
     labels : (N,) array of int
         Component of each scan, the least row in it.
     kept : dict of (int, int) to float
-        Links that are held to be right, by (source, target), and the probability of each.
+        Probability of each selected link, by (source, target).
     """
 
     poses: FloatArray
@@ -43,12 +43,12 @@ class Decision:
 
     @property
     def components(self) -> list[list[int]]:
-        """Rows of the scans that hang together, the largest first."""
+        """Rows of the scans of each component, the largest first."""
         parts = [np.flatnonzero(self.labels == label).tolist() for label in np.unique(self.labels)]
         return sorted(parts, key=lambda part: (-len(part), part[0]))
 
     def between(self, source: int, target: int) -> FloatArray:
-        """Pose of a scan in the frame of another of its component."""
+        """Return the pose of a scan in the frame of another of its component."""
         return invert(self.poses[target]) @ self.poses[source]
 
 
@@ -59,10 +59,10 @@ def decide(
     middles: FloatArray,
     voxel: float,
 ) -> Decision:
-    """Decide on links that are likely by themselves.
+    """Select links among those that are likely by themselves.
 
-    Triangles tell which links agree; the most probable ones place each scan; graduated non-convexity drops
-    those that don't fit; and one doubtful link joins nothing.
+    Triangles reweight the links, the most probable ones give initial poses, graduated non-convexity rejects
+    inconsistent links, and a single doubtful link connects nothing.
     """
     count = len(middles)
     rows = [pair for pair in sorted(links) if chances[pair] >= ACCEPTED]
@@ -73,21 +73,21 @@ def decide(
     overlap = np.array([links[pair].overlap for pair in rows])
     posterior = weigh_by_triangles(pairs, measured, spread, prior, overlap, middles, voxel)
     likely = posterior >= ACCEPTED
-    start, _ = follow_best(pairs[likely], measured[likely], posterior[likely], count)
+    start, _, _ = follow_best(pairs[likely], measured[likely], posterior[likely], count)
     graph = graph_of(start, pairs, measured, spread, posterior, middles, (TURN, SHIFT * voxel)).optimize(
         robust=True, start="given"
     )
     kept = graph.kept & likely
     kept = drop_contradicted(pairs, kept, prior, posterior, count)
     is_firm = (prior >= FIRM) | np.array([pair in firm for pair in rows], dtype=bool)
-    kept[kept] = hang_firmly(pairs[kept], prior[kept], is_firm[kept], count)
-    poses, labels = follow_best(pairs[kept], measured[kept], posterior[kept], count)
+    kept[kept] = drop_weak_bridges(pairs[kept], prior[kept], is_firm[kept], count)
+    poses, labels, _ = follow_best(pairs[kept], measured[kept], posterior[kept], count)
     graph = graph_of(
         poses, pairs[kept], measured[kept], spread[kept], posterior[kept], middles, (TURN, SHIFT * voxel)
     )
     poses = anchor(graph.optimize(start="given").poses, labels)
-    told = {rows[row]: float(posterior[row]) for row in np.flatnonzero(kept)}
-    return Decision(poses, labels, told)
+    selected = {rows[row]: float(posterior[row]) for row in np.flatnonzero(kept)}
+    return Decision(poses, labels, selected)
 
 
 def graph_of(
@@ -99,7 +99,7 @@ def graph_of(
     middles: FloatArray,
     least: tuple[float, float],
 ) -> PoseGraph:
-    """Make a pose graph of links; each may be off, in turn and shift, beside what its covariance says."""
+    """Return a pose graph of links; least deviations of turn and shift are added to the covariances."""
     information = np.empty((len(pairs), 6, 6))
     for row, (source, _) in enumerate(pairs.tolist()):
         own = covariance_in("gtsam", spread[row], measured[row])
@@ -113,9 +113,19 @@ def graph_of(
 
 def follow_best(
     pairs: IndexArray, measured: FloatArray, chances: FloatArray, count: int
-) -> tuple[FloatArray, IndexArray]:
-    """Place scans along the most probable links, and label them by the least row of their component."""
-    poses, labels = np.tile(np.eye(4), (count, 1, 1)), np.arange(count)
+) -> tuple[FloatArray, IndexArray, FloatArray]:
+    """Follow the most probable links, the maximum spanning tree of each component.
+
+    Returns
+    -------
+    poses : (N,4,4) array of float64
+        Scans in the frames of their components.
+    labels : (N,) array of int
+        Component of each scan, the least row in it.
+    least : (N,) array of float64
+        Chance of the least probable link between each scan and the first of its component.
+    """
+    poses, labels, least = np.tile(np.eye(4), (count, 1, 1)), np.arange(count), np.ones(count)
     for row in np.argsort(-chances, kind="stable").tolist():
         source, target = pairs[row].tolist()
         if labels[source] == labels[target]:
@@ -126,7 +136,8 @@ def follow_best(
         members = labels == moved
         poses[members] = change @ poses[members]
         labels[members] = min(one, other)
-    return poses, labels
+        least[members] = chances[row]
+    return poses, labels, least
 
 
 def anchor(poses: FloatArray, labels: IndexArray) -> FloatArray:
@@ -137,25 +148,25 @@ def anchor(poses: FloatArray, labels: IndexArray) -> FloatArray:
 def drop_contradicted(
     pairs: IndexArray, kept: BoolArray, prior: FloatArray, posterior: FloatArray, count: int
 ) -> BoolArray:
-    """Drop all links of the scans whose dropped links are surer than what others say of their kept ones."""
-    balance = np.where(kept, np.minimum(_nats(posterior), _MOST_NATS), -_nats(prior))
+    """Drop all links of scans whose rejected links outweigh the evidence for their kept ones."""
+    balance = np.where(kept, np.minimum(log_odds(posterior), _MOST_NATS), -log_odds(prior))
     sums = np.bincount(pairs.ravel(), np.repeat(balance, 2), count)
     return kept & (sums[pairs] > 0).all(axis=1)
 
 
-def hang_firmly(pairs: IndexArray, prior: FloatArray, firm: BoolArray, count: int) -> BoolArray:
-    """Tell the links that don't join, by doubtful poses alone, what hangs together without them.
+def drop_weak_bridges(pairs: IndexArray, prior: FloatArray, firm: BoolArray, count: int) -> BoolArray:
+    """Return the mask of links without those that connect components by doubtful poses alone.
 
-    Poses that are wrong for the same reason, as those of a shape on its mirror image, agree with each other
-    however many they are. So the links between two parts are to be as sure together as one that is sure by
-    itself, of each scan the surest only. A single scan hangs on another one by any, and by two on a part, if
-    there is only one such part.
+    Poses that are wrong for the same reason, such as those of a shape on its mirror image, agree with each
+    other. So the links between two parts must together be as sure as one that is sure by itself, counting
+    only the surest link of each scan. Any link connects two single scans; two links connect a single scan to
+    a part, if there is only one such part.
     """
-    labels, nats = np.arange(count), np.where(firm, np.inf, _nats(prior))
+    labels, nats = np.arange(count), np.where(firm, np.inf, log_odds(prior))
     while True:
         sums = _sum_independent(np.sort(labels[pairs], axis=1), pairs, nats)
         parts = max(sums, key=lambda both: sums[both], default=None)
-        if parts is None or sums[parts] < _nats(np.array(FIRM)):
+        if parts is None or sums[parts] < log_odds(np.array(FIRM)):
             break
         labels[labels == parts[1]] = parts[0]
     single = np.bincount(labels, minlength=count)[labels] == 1
@@ -173,7 +184,7 @@ def hang_firmly(pairs: IndexArray, prior: FloatArray, firm: BoolArray, count: in
 
 
 def _sum_independent(sides: IndexArray, pairs: IndexArray, nats: FloatArray) -> dict[tuple[int, int], float]:
-    """Sum up the nats of links between each two parts, the surest first, of links that share no scan."""
+    """Sum the nats of links without a common scan between each two parts, the surest first."""
     sums: dict[tuple[int, int], float] = {}
     used: set[tuple[int, int, int]] = set()
     for row in np.argsort(-nats, kind="stable").tolist():
@@ -185,7 +196,8 @@ def _sum_independent(sides: IndexArray, pairs: IndexArray, nats: FloatArray) -> 
     return sums
 
 
-def _nats(chances: FloatArray) -> FloatArray:
+def log_odds(chances: FloatArray) -> FloatArray:
+    """Return the log-odds of probabilities, which are bounded away from 0 and 1."""
     bounded = np.clip(chances, 1 - _LARGEST_CHANCE, _LARGEST_CHANCE)
     return np.log(bounded / (1 - bounded))
 

@@ -1,4 +1,4 @@
-"""Join components: what two scans don't share, two unions of scans may."""
+"""Join components by registering unions of scans, which may overlap where single scans do not."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from cgroup.registration.prepare import Preparation
 from cgroup.registration.scan import as_scan
 from cgroup.registration.search import Effort
 from cgroup.rigid import apply, invert
-from cgroup.scenes.decide import Decision
+from cgroup.scenes.decide import Decision, log_odds
 from cgroup.scenes.kept_links import Task
 from cgroup.scenes.links import Link, link
 from cgroup.types import FloatArray, PointCloud
 
 IN_A_UNION = 8
-"""Scans that are merged around one scan."""
+"""Number of scans in a union around one scan."""
 
 _LEAST_CHANCE = 0.005
-_NEAR, _ALIKE = 3.0, np.radians(5)  # voxels and angle within which two poses put a scan in one place
-_AGREEING = 0.1  # worth of a pose that agrees with another, beside its chance
+_NEAR, _ALIKE = 3.0, np.radians(5)  # voxels and angle within which two poses agree
+_AGREEING = 0.1  # weight of a pose that agrees with another, beside its chance
 _FINEST = 1 / 3  # voxels between the points of a union, as its fine surface needs them
 _PROPOSED = 3
-_TELLING = 0.3  # share of both surfaces from which a pair that does not fit speaks against
+_TELLING = 0.3  # overlap from which a pair that does not fit counts against a join
 _MOST_NATS, _MOST_NATS_OF_UNIONS = 2.0, 10.0
 
 
 class Join(NamedTuple):
-    """Two scans of two components, the scans around each, and where the first may lie on the second."""
+    """Two scans of two components, the scans around each, and proposed poses of the first on the second."""
 
     source: int
     target: int
@@ -48,7 +48,7 @@ class Join(NamedTuple):
 
 
 def merge_scans(scans: Sequence[PreparedScan], poses: FloatArray) -> PreparedScan:
-    """Make one scan of several, with normals by frames; one alone stays as it is."""
+    """Merge scans into one, with normals by frames; return a single scan unchanged."""
     first = scans[0]
     if len(scans) == 1:
         return first
@@ -72,7 +72,7 @@ def link_unions(*scans_and_arguments: Any) -> Link | None:  # noqa: ANN401 - sca
 def propose_joins(
     links: Mapping[tuple[int, int], Link], decision: Decision, middles: FloatArray, voxel: float
 ) -> list[Join]:
-    """Propose where components may lie in each other, the likeliest first: by poses that links leave open."""
+    """Propose poses between components from the unselected poses of links, the likeliest first."""
     hypotheses: dict[tuple[int, int], list[tuple[float, tuple[int, int], FloatArray]]] = {}
     sizes = np.bincount(decision.labels)
     for (source, target), found in sorted(links.items()):
@@ -96,7 +96,7 @@ def _join_of(
     middles: FloatArray,
     voxel: float,
 ) -> tuple[float, Join]:
-    """Choose where one component may lie on another: chances, pairs, and poses that they put it at."""
+    """Propose a join of two components from hypotheses: chances, pairs and poses."""
     some = sorted(hypotheses, key=lambda hypothesis: -hypothesis[0])
     poses = np.array([pose for _, _, pose in some])
     chances = np.array([chance for chance, _, _ in some])
@@ -113,7 +113,7 @@ def _join_of(
 
 
 def _support(poses: FloatArray, chances: FloatArray, center: FloatArray, voxel: float) -> FloatArray:
-    """Sum up the chances of the poses around each; those that agree count more than they do alone."""
+    """Sum the chances of the poses around each; poses that agree count more than alone."""
     landed = poses[:, :3, :3] @ center + poses[:, :3, 3]
     near = np.linalg.norm(landed[:, None] - landed, axis=2) < _NEAR * voxel
     turns = np.einsum("nij,mij->nm", poses[:, :3, :3], poses[:, :3, :3])
@@ -121,7 +121,7 @@ def _support(poses: FloatArray, chances: FloatArray, center: FloatArray, voxel: 
 
 
 def gather_around(scan: int, decision: Decision, middles: FloatArray) -> list[int]:
-    """Rows of a scan and of those of its component that lie next to it."""
+    """Return the rows of a scan and of those next to it in its component."""
     rows = np.flatnonzero(decision.labels == decision.labels[scan])
     places = (
         np.einsum("nij,nj->ni", decision.poses[rows, :3, :3], middles[rows]) + decision.poses[rows, :3, 3]
@@ -132,7 +132,7 @@ def gather_around(scan: int, decision: Decision, middles: FloatArray) -> list[in
 
 
 def task_of(join: Join, decision: Decision, axis: FloatArray | None, effort: Effort) -> Task:
-    """Return the task of registering the two unions."""
+    """Return the task that registers the two unions."""
     parts = join.around_source, join.around_target
     poses = np.array([decision.between(row, part[0]) for part in parts for row in part])
     return (*parts[0], *parts[1]), (len(parts[0]), poses, axis, effort, join.proposed)
@@ -141,7 +141,7 @@ def task_of(join: Join, decision: Decision, axis: FloatArray | None, effort: Eff
 def cross_tasks(
     join: Join, decision: Decision, pose: FloatArray
 ) -> list[tuple[tuple[int, int], tuple[FloatArray]]]:
-    """Return the tasks of looking at each pair across a join, where it puts them."""
+    """Return the tasks that evaluate each pair across a join at its pose."""
     return [
         (
             (source, target),
@@ -155,27 +155,27 @@ def cross_tasks(
 def weigh_join(union: Link, across: Sequence[Sequence[Link | None]]) -> float:
     """Return the probability that the best pose of two unions is right.
 
-    It is at most what the unions leave for all of their poses together. A pose that no pair across fits is
-    no rival. Pairs see the surfaces of their union and of each other, so that their evidence does not add
-    up. Pairs that share much, but do not fit where the best pose puts them, lower the probability.
+    It is bounded by the total probability of all poses of the unions. A pose that fits no pair is no rival.
+    Pairs share the surfaces of their unions, so that their evidence does not add up. Pairs that overlap but
+    do not fit under the best pose lower the probability.
 
     Parameters
     ----------
     union : Link
         Of the two unions.
     across : sequence of sequence of Link or None
-        For each pose of the union the evidence of each pair where it puts them.
+        For each pose of the union, the evidence of each pair under it.
     """
-    told = [[found for found in some if found is not None] for some in across]
-    best = np.array([max((found.probability for found in some), default=0.0) for some in told])
+    known = [[found for found in some if found is not None] for some in across]
+    best = np.array([max((found.probability for found in some), default=0.0) for some in known])
     weights = union.chances * np.maximum(best, _LEAST_CHANCE)
     among = union.chances.sum() * weights[0] / weights.sum()
     against = sum(
         nats if found.overlap >= _TELLING else max(nats, 0.0)
-        for found, nats in ((found, _nats(found.probability, _MOST_NATS)) for found in told[0])
+        for found, nats in ((found, _bounded_odds(found.probability, _MOST_NATS)) for found in known[0])
     )
-    return float(1.0 / (1.0 + np.exp(-_nats(among, _MOST_NATS_OF_UNIONS) - min(against, 0.0))))
+    return float(1.0 / (1.0 + np.exp(-_bounded_odds(among, _MOST_NATS_OF_UNIONS) - min(against, 0.0))))
 
 
-def _nats(probability: float, most: float) -> float:
-    return float(np.clip(np.log(max(probability, 1e-9) / max(1 - probability, 1e-9)), -most, most))
+def _bounded_odds(probability: float, most: float) -> float:
+    return float(np.clip(log_odds(np.array(probability)), -most, most))

@@ -1,7 +1,7 @@
-"""Finished pairs of scans in one SQLite file, so that a run that was ended goes on from there.
+"""Finished pairs of scans in one SQLite file, from which an interrupted run continues.
 
-The key of a row is a digest of all that its result depends on: both scans, the function with its arguments,
-and the version of the package. A second digest, of the key and the result, shows damage.
+The key of a row is a digest of both scans, the function with its arguments, and the version of the package. A
+second digest, of the key and the result, detects damage.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _LAYOUT = Layout(0x63676C6B, 2, _TABLE)
 """Its `application_id` is "cglk"."""
 
 Task: TypeAlias = tuple[tuple[int, ...], tuple[Any, ...]]
-"""Rows of the scans that a function is called with, and its further arguments."""
+"""Rows of the scans for a function, and its further arguments."""
 
 
 class KeptLinks:
@@ -48,7 +48,7 @@ class KeptLinks:
         self._connection.close()
 
     def find(self, function: Callable[..., Any], tasks: Sequence[Task]) -> dict[int, Link | None]:
-        """Return what is kept of a function's results, by the number of the task."""
+        """Return the kept results of a function, by the number of the task."""
         found: dict[int, Link | None] = {}
         with self._report_failures(), self._lock:
             for number, task in enumerate(tasks):
@@ -71,7 +71,7 @@ class KeptLinks:
             raise _unusable(self._path, f"damaged ({error})") from error
 
     def add(self, function: Callable[..., Any], task: Task, link: Link | None) -> None:
-        """Keep a result for good."""
+        """Keep a result."""
         key = self._key(function, *task)
         fields = link and {name: np.asarray(value).tolist() for name, value in asdict(link).items()}
         text = json.dumps(fields)
@@ -80,7 +80,7 @@ class KeptLinks:
             self._connection.execute("insert or replace into links values (?, ?, ?)", row)
 
     def _key(self, function: Callable[..., Any], rows: Sequence[int], arguments: Sequence[object]) -> bytes:
-        """Return the digest of all that a result depends on."""
+        """Return the digest of all inputs of a result."""
         for row in rows:
             if row not in self._digests:
                 self._digests[row] = _digest(*_contents(self._scans[row]))
@@ -94,7 +94,7 @@ class KeptLinks:
         except sqlite3.Error as error:
             if "not a database" in str(error) or "malformed" in str(error):
                 raise _unusable(self._path, f"damaged, or not a file of finished pairs ({error})") from error
-            remedy = f"can't be read or written ({error}); once that is mended, call again to continue"
+            remedy = f"can't be read or written ({error}); fix this, then call again to continue"
             raise InputError("keep", self._path, remedy) from error
 
 
@@ -103,7 +103,7 @@ def _unusable(path: Path, reason: str) -> InputError:
 
 
 def _contents(scan: PreparedScan) -> tuple[object, ...]:
-    """Return all that a scan was made from, and what was made of its points."""
+    """Return all inputs of a scan, and the results of its preparation."""
     given = scan.voxel, scan.viewpoint, scan.by_frames, scan.front, scan.scan.cloud.points, scan.scan.normals
     return *given, scan.voxels.points, scan.normals, scan.described.indices, scan.described.descriptors
 

@@ -1,4 +1,4 @@
-"""What two scans tell of their pose."""
+"""The pose between two scans, with its probability."""
 
 from __future__ import annotations
 
@@ -13,24 +13,23 @@ from cgroup.registration.covariance import covariance_of
 from cgroup.registration.judge import Found, bound_by_motions, is_accepted, share_probability
 from cgroup.registration.motions import adjoint
 from cgroup.registration.search import Effort, Search
-from cgroup.rigid import invert
 from cgroup.types import FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class Link:
-    """Poses of one scan on another, the best first, and what speaks for them.
+    """Poses of one scan on another, the best first, with their probabilities.
 
     Attributes
     ----------
     poses : (k,4,4) array of float64
-        Source points into the target's frame: the best one, then its rivals.
+        Poses of the source in the target's frame: the best, then its rivals.
     chances : (k,) array of float64
         Probability that each is right.
     covariance : (6,6) array of float64
-        Of the best one, as for `Registration.covariance`; NaN where it was not asked for.
+        Of the best one, as `Registration.covariance`; NaN if it was not computed.
     fitness, target_fitness : float
-        Shares of the surfaces that lie on each other under the best one.
+        Shares of the surfaces that overlap under the best one.
     """
 
     poses: FloatArray
@@ -46,23 +45,23 @@ class Link:
 
     @property
     def probability(self) -> float:
-        """That the best pose is right."""
+        """Probability that the best pose is right."""
         return float(self.chances[0])
 
     @property
     def overlap(self) -> float:
-        """Share of both surfaces that lies on each other under the best pose."""
+        """Overlap of both surfaces under the best pose."""
         return min(self.fitness, self.target_fitness)
 
     @property
     def is_accepted(self) -> bool:
-        """Whether the two scans alone tell that the best pose is right."""
+        """Whether the best pose is accepted by the two scans alone."""
         return is_accepted(self.probability)
 
     @property
-    def turned(self) -> Link:
-        """The same with source and target in each other's place."""
-        back = np.array([invert(pose) for pose in self.poses])
+    def inverse(self) -> Link:
+        """The inverse link, with source and target swapped."""
+        back = np.linalg.inv(self.poses)
         change = adjoint(back[0])  # T^-1 = Exp(-Ad(T^-1) x) T_found^-1
         covariance = change @ self.covariance @ change.T
         return Link(back, self.chances, covariance, self.target_fitness, self.fitness)
@@ -75,7 +74,7 @@ def link(
     effort: Effort,
     proposed: FloatArray | None = None,
 ) -> Link | None:
-    """Register two scans; None where no pose can even be guessed."""
+    """Register two scans; None without even a guess."""
     source, target = _oriented_alike(source, target)
     search = Search("lc", {}, axis, effort, 1, StageClock(ignore_progress), proposed=proposed)
     found = search.run(source, target)
@@ -91,7 +90,7 @@ def link(
 
 
 def confirm(source: PreparedScan, target: PreparedScan, pose: FloatArray) -> Link | None:
-    """Refine a pose that others predict, and weigh it by itself; None where nothing is paired."""
+    """Refine a predicted pose, and weigh it by itself; None without overlap."""
     found = confirm_pose(*_oriented_alike(source, target), pose, 1)
     if found is None:
         return None
@@ -99,7 +98,7 @@ def confirm(source: PreparedScan, target: PreparedScan, pose: FloatArray) -> Lin
 
 
 def weigh_pose(source: PreparedScan, target: PreparedScan, pose: FloatArray) -> Link | None:
-    """Do the same without the covariance, which takes longest."""
+    """Do the same without the covariance, the slowest part."""
     found = confirm_pose(*_oriented_alike(source, target), pose, 1)
     return None if found is None else _link_of(found, np.full((6, 6), np.nan))
 

@@ -47,19 +47,19 @@ from cgroup.scenes.plan_view import Disk, find_layers
 from cgroup.types import AnyCloud, BoolArray, FloatArray, IndexArray
 
 VOXELS = 1200
-"""Voxels that a scan is thinned to, about."""
+"""Approximate number of voxels of a scan."""
 
 COMPARED, COMPARISONS = (100, 400), 10**8
-"""Descriptors of a scan that places are compared by, and about how many comparisons with those of a map."""
+"""Least and most descriptors of a scan for comparing places; approximate number of comparisons."""
 
 WHOLE = 10_000
-"""Voxels of a map up to which a scan is registered to the whole of it."""
+"""Largest number of voxels of a map that is registered as a whole."""
 
 FIRST, FROM_ABOVE, ALIKE = 2, 4, 8
-"""Places a scan is registered to at a time, and that are chosen at most: from above, by descriptors."""
+"""Number of places at a time; largest number of places from above, and by descriptors."""
 
 ENOUGH = 4
-"""Places from which an accepted pose suffices; before, it has to be sure, as others may look the same."""
+"""Number of tried places from which an accepted pose suffices; before, it must be sure."""
 
 _SLACK = 2.0  # voxels that the origin may lie beyond its radius
 _WITHIN = 0.9  # share of a scan's voxels within its radius
@@ -81,10 +81,11 @@ def locate(
     threads: int | None = None,
     progress: Callable[[str], Any] | None = None,
 ) -> list[Registration]:
-    """Find where in a map a scan was taken.
+    """Estimate the pose of a scan in a map.
 
-    Places of the map are chosen where walls and floors fit the scan's as seen from above, and where
-    descriptors are like the scan's. The scan is registered to each; one posterior is shared among all.
+    Places of the map are selected where walls and floors fit those of the scan as seen from above, and where
+    descriptors are similar. The scan is registered to each place; one posterior covers all poses. Further
+    parameters are as for `register`.
 
     Parameters
     ----------
@@ -92,36 +93,16 @@ def locate(
         Whole cloud, in the unit of the map.
     place : PreparedMap
         Made by `prepare_map`.
-    viewpoint : (3,) array_like of float, optional
-        Where the scanner stood, in the frame of the scan, if it is one single scan. By default what its file
-        says, `PointCloud.viewpoint`.
-    view_direction : (3,) array_like of float, optional
-        Where the scanner looked, where its place is not known or its rays are parallel.
-    axis : (3,) array_like of float, optional
-        A direction that scan and map share, such as that of gravity; a pose may tilt it by 10 degrees.
     near : (3,) array_like of float, optional
-        Where the origin of the scan's frame lies in the map, about.
+        Approximate position of the origin of the scan's frame in the map.
     radius : float, optional
-        How far from there it may lie; by default the scan's own radius.
-    effort : {"low", "normal", "high"}
-        How long to search in each place.
-    threads : int, optional
-        Threads to compute on, None for all cores.
-    progress : callable, optional
-        Called with the name of each stage as it begins.
+        Largest error of `near`; by default the scan's own radius.
 
     Returns
     -------
     list of Registration
-        The best first, and then the places that share the probability with it: where the map repeats there
-        are some, and none is `ok`. Empty where no pose can even be guessed.
-
-    Raises
-    ------
-    InputError
-        If the scan, the map or an option can't be worked with; the message names it.
-    OutOfMemoryError
-        Where the system gives no memory for the computation.
+        The best first, then the poses that share the probability with it; in a repeating map none is `ok`.
+        Empty if there is not even a guess.
 
     Examples
     --------
@@ -157,13 +138,13 @@ def locate(
 
 
 def _levels_for(place: PreparedMap, voxel: float) -> tuple[Level, Level]:
-    """Return the map at the voxel nearest to one wanted, and at the next finer one, if there is one."""
+    """Return the levels of a map nearest to a voxel, and the next finer one."""
     row = int(np.argmin([abs(np.log(level.voxel / voxel)) for level in place.levels]))
     return place.levels[row], place.levels[max(row - 1, 0)]
 
 
 def as_disk(near: ArrayLike | None, radius: float | None) -> Disk | None:
-    """Check where to look; the radius is NaN where none is told."""
+    """Check where to search; the radius is NaN by default."""
     if near is None:
         if radius is not None:
             raise InputError("radius", f"{radius}, but no place", "give `near`, too")
@@ -173,14 +154,14 @@ def as_disk(near: ArrayLike | None, radius: float | None) -> Disk | None:
 
 
 class _Place(NamedTuple):
-    """Cells of a map, and poses there that are worth a look."""
+    """Cells of a map, and proposed poses there."""
 
     cells: IndexArray
     proposed: FloatArray | None
 
 
 class _Candidate(NamedTuple):
-    """A pose that a search in one place of the map has found, and what speaks for it."""
+    """A pose found in one place of the map, and its evidence."""
 
     pose: FloatArray
     case: Case
@@ -188,7 +169,7 @@ class _Candidate(NamedTuple):
 
 
 class _Locating:
-    """A scan that is being located in a map."""
+    """The search for a scan in a map."""
 
     def __init__(self, source: PreparedScan, level: Level, search: Search, around: Disk | None) -> None:
         self._source, self._level, self._search = source, level, search
@@ -207,7 +188,7 @@ class _Locating:
             self._cells = level.around(around.middle, radius + reach + CELL * level.voxel)
 
     def run(self, effort: Effort) -> list[Found]:
-        """Register the scan to the places most like it, until its pose is sure."""
+        """Register the scan to the most similar places until its pose is sure."""
         search, workers = replace(self._search, effort=effort), count_workers(self._source.threads)
         done: list[Found] = []
         for tried in count(0, FIRST):
@@ -232,7 +213,7 @@ class _Locating:
         return done
 
     def _places(self) -> Iterator[_Place]:
-        """Yield where the map may show what the scan shows."""
+        """Yield the places of the map that may show the scan."""
         if len(self._cells) == 0:
             return
         seen = self._poses_from_above()
@@ -245,7 +226,7 @@ class _Locating:
         yield from self._places_alike()
 
     def _poses_from_above(self) -> list[FloatArray]:
-        """Return poses at which walls and floors of the scan fit those of the map, as seen from above."""
+        """Return poses at which walls and floors of the scan fit those of the map from above."""
         axis, source = self._search.axis, self._source
         plan = self._level.plan(axis)
         layers = find_layers(source.voxels.points, source.normals, axis)
@@ -255,7 +236,7 @@ class _Locating:
         return list(islice((poses for poses in seen if self._may_be(poses).any()), FROM_ABOVE))
 
     def _places_alike(self) -> Iterator[_Place]:
-        """Places whose descriptors are like the scan's, apart from each other."""
+        """Yield separate places with descriptors similar to those of the scan."""
         described = self._source.described
         rows = default_rng(0).permutation(len(described))
         away = np.linalg.norm(described.points[rows] - described.centroid, axis=1)
@@ -284,7 +265,7 @@ class _Locating:
         return search.run(self._source, self._level.crop(place.cells, search.threads))
 
     def _may_be(self, poses: FloatArray) -> BoolArray:
-        """Which poses put the scan's origin where it may be."""
+        """Return the mask of poses whose origin lies in the searched disk."""
         wanted = self._origins
         if wanted is None:
             return np.ones(len(poses), dtype=bool)
@@ -292,7 +273,7 @@ class _Locating:
         return away <= wanted.radius + _SLACK * self._source.voxel
 
     def _weigh(self) -> list[Found]:
-        """Share the probability among the poses of all places; the best one comes first."""
+        """Share the probability among the poses of all places; return the best first."""
         ranked = sorted(self._candidates, key=lambda candidate: -weigh(candidate.case))
         if not ranked:
             return []

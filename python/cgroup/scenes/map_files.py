@@ -21,9 +21,9 @@ _VERSION = 2
 
 
 def check_new(folder: Path) -> Path:
-    """Refuse a folder that is there already."""
+    """Raise if a folder exists."""
     if folder.exists():
-        message = f"{folder}: is there already; give the name of a new folder"
+        message = f"{folder}: exists already; give the name of a new folder"
         raise InputError(message)
     return folder
 
@@ -59,7 +59,7 @@ def _check_of(document: Mapping[str, Any]) -> int:
 def load_arrays(folder: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Read the arrays of a folder into memory, and compare their checksums.
 
-    A memory-mapped array would end the process where its file is truncated, and could change after the check.
+    A memory-mapped array of a truncated file would end the process, and could change after the check.
     """
     facts = _load_facts(folder)
     return facts, {name: _load(folder, f"{name}.npy", check) for name, check in facts["arrays"].items()}

@@ -1,4 +1,4 @@
-"""Large maps, described once, to locate scans in."""
+"""Large maps, described once for locating scans."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class Level:
     _neighbors: dict[float, IndexArray] = field(default_factory=dict, init=False)
 
     def plan(self, axis: FloatArray | None) -> PlanView | None:
-        """Return the map as seen from above, made once for each axis; None without walls or floors."""
+        """Return the map seen from above, made once per axis; None without walls or floors."""
         key = None if axis is None else tuple(axis.tolist())
         if key not in self._plans:
             layers = find_layers(self.voxels, self.normals, axis)
@@ -90,7 +90,7 @@ class Level:
         return int(np.diff(self.voxel_ends, prepend=0)[cells].sum())
 
     def crop(self, cells: IndexArray, threads: int | None) -> PreparedScan:
-        """Return what lies in some cells as a scan."""
+        """Return the content of some cells as a scan."""
         rows, points = _rows_of(cells, self.voxel_ends), _rows_of(cells, self.point_ends)
         cloud = Cloud(self.points[points], name="place")
         scan = Scan(cloud, None, None, "place", cloud.points)
@@ -104,7 +104,7 @@ class Level:
         return assemble(*parts, True, threads)  # noqa: FBT003 - pickle calls it by position
 
     def compare(self, descriptors: NDArray[np.float32], radius: float) -> FloatArray:
-        """Return how little some descriptors are like those within a radius of each cell, (C,).
+        """Return the dissimilarity of descriptors to those within a radius of each cell, (C,).
 
         The mean over the descriptors of their distance to the nearest one there, as a multiple of the median
         over all cells, and 1 at most (after O. Boiman, E. Shechtman and M. Irani, *In defense of
@@ -147,10 +147,10 @@ class Level:
 
 @dataclass(frozen=True, eq=False)
 class PreparedMap:
-    """A map made ready by `prepare_map`, for scans to be located in it by `locate`.
+    """A map prepared by `prepare_map` for `locate`.
 
-    It is described at voxels of several sizes, each the square root of 2 times as large as the one before: a
-    scan is located at the one that suits it. It can be pickled; `save` writes it to a folder.
+    It is described at voxels of several sizes, each larger than the one before by the square root of 2; a
+    scan is located at the most suitable one. It can be pickled; `save` writes it to a folder.
 
     Attributes
     ----------
@@ -159,16 +159,9 @@ class PreparedMap:
     levels : list of Level
         The map at each voxel, the finest first.
     voxel : float or None
-        The one voxel that was asked for, if one was.
+        The requested voxel, or None.
     threads : int or None
-        Threads to compute on.
-
-    Examples
-    --------
-    >>> from cgroup.datasets import standin_pair
-    >>> from cgroup.scenes import prepare_map
-    >>> prepare_map(standin_pair().target)
-    PreparedMap(points=18340, voxels=2056, voxel=2.131)
+        Number of threads.
     """
 
     points: RealArray
@@ -177,7 +170,7 @@ class PreparedMap:
     threads: int | None = None
 
     def add(self, cloud: Cloud | AnyCloud) -> PreparedMap:
-        """Return the map with another cloud; it takes as long as preparing both.
+        """Return the map with a further cloud; this takes as long as preparing both.
 
         Parameters
         ----------
@@ -188,23 +181,6 @@ class PreparedMap:
         -------
         PreparedMap
             A new one.
-
-        Raises
-        ------
-        InputError
-            If the cloud can't be worked with.
-        OutOfMemoryError
-            Where the system gives no memory for the computation.
-
-        Examples
-        --------
-        >>> from cgroup.datasets import standin_pair
-        >>> from cgroup.scenes import prepare_map
-        >>> pair = standin_pair()
-        >>> placed = pair.source.transformed(pair.T_target_source)
-        >>> place = prepare_map(pair.target)
-        >>> len(place.add(placed).points) == len(pair.source) + len(pair.target)
-        True
         """
         points = np.concatenate([self.points, as_surface("cloud", cloud).cloud.points])
         return prepare_map(points, voxel=self.voxel, threads=self.threads)
@@ -215,20 +191,7 @@ class PreparedMap:
         Parameters
         ----------
         folder : path
-            That is not there yet; it gets ``map.json``, and arrays in NumPy's format.
-
-        Raises
-        ------
-        InputError
-            If something is there already, or can't be written.
-
-        Examples
-        --------
-        >>> from cgroup.datasets import standin_pair
-        >>> from cgroup.scenes import PreparedMap, prepare_map
-        >>> prepare_map(standin_pair().target).save("map")
-        >>> PreparedMap.load("map")
-        PreparedMap(points=18340, voxels=2056, voxel=2.131)
+            A new folder, for ``map.json`` and arrays in NumPy's format.
         """
         arrays = {"points": self.points}
         for row, level in enumerate(self.levels):
@@ -239,35 +202,19 @@ class PreparedMap:
     @staticmethod
     @report_refused_memory()
     def load(folder: str | os.PathLike[str], *, threads: int | None = None) -> PreparedMap:
-        """Read a map that `save` has written into memory, and compare its checksums.
+        """Read a map that `save` wrote into memory, and compare its checksums.
 
         Parameters
         ----------
         folder : path
             Made by `save`.
         threads : int, optional
-            Threads to compute on, None for all cores.
+            As for `register`.
 
         Returns
         -------
         PreparedMap
-            As it was saved; later changes of the folder don't change it.
-
-        Raises
-        ------
-        InputError
-            If it is no such folder, or a file of it is missing or damaged.
-        OutOfMemoryError
-            Where the system gives no memory for the arrays.
-
-        Examples
-        --------
-        >>> from cgroup.datasets import standin_pair
-        >>> from cgroup.scenes import PreparedMap, locate, prepare_map
-        >>> pair = standin_pair()
-        >>> prepare_map(pair.target).save("place")
-        >>> locate(pair.source, PreparedMap.load("place"))[0].ok
-        True
+            The saved map; later changes of the folder do not change it.
         """
         folder = as_path("folder", folder)
         facts, arrays = load_arrays(folder)
@@ -296,33 +243,23 @@ def prepare_map(
     threads: int | None = None,
     progress: Callable[[str], Any] | None = None,
 ) -> PreparedMap:
-    """Make a map ready for any number of scans to be located in it.
+    """Prepare a map in which any number of scans can be located.
 
-    A map of ten million points takes some 2 GB: 0.8 kB for each voxel of the finest level, and its points.
+    A map of ten million points takes about 2 GB: 0.8 kB per voxel of the finest level, and its points.
+    `threads` and `progress` are as for `register`.
 
     Parameters
     ----------
     cloud : PointCloud, Cloud, path, (N,3) array_like of float or Scene
-        Of one frame; the largest component of a scene.
+        In one frame; of a scene the largest component.
     voxel : float, optional
         Edge length of the voxels, in the unit of the points. By default the map is described at voxels from
-        four times the spacing of its points upwards, so that scans of any size can be located.
-    threads : int, optional
-        Threads to compute on, None for all cores.
-    progress : callable, optional
-        Called with the name of each stage as it begins.
+        four times its point spacing upwards, so that scans of any size can be located.
 
     Returns
     -------
     PreparedMap
         For `locate`.
-
-    Raises
-    ------
-    InputError
-        If the cloud is not finite, or too small, or the voxel leaves too little of it.
-    OutOfMemoryError
-        Where the system gives no memory for the computation.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Which scans may show the same: a descriptor of each whole scan, made of its voxels' descriptors."""
+"""Similar scans: a global descriptor of each scan, from the descriptors of its voxels."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def describe_scans(scans: Sequence[PreparedScan]) -> FloatArray:
 
 
 def _fit_mixture(values: FloatArray, rng: np.random.Generator) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Fit weights, means and variances by expectation maximisation."""
+    """Fit weights, means and variances by expectation maximization."""
     count = min(_COMPONENTS, len(values))
     means = values[rng.choice(len(values), count, replace=False)]
     variances, weights = np.ones_like(means), np.full(count, 1.0 / count)
@@ -53,7 +53,7 @@ def _fit_mixture(values: FloatArray, rng: np.random.Generator) -> tuple[FloatArr
 def _moments(
     values: FloatArray, weights: FloatArray, means: FloatArray, variances: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Share each value among the K Gaussians; sum up the shares, (K,1), the values, and their squares."""
+    """Assign each value to K Gaussians; return sums of the shares, (K,1), values, and squares."""
     precision = 1.0 / variances
     squares = (
         values**2 @ precision.T - 2.0 * values @ (means * precision).T + (means**2 * precision).sum(axis=1)
@@ -79,10 +79,9 @@ def _fisher_vector(
 def choose_partners(
     similarity: FloatArray, tried: Collection[tuple[int, int]], labels: Sequence[int] | None, each: int
 ) -> list[tuple[int, int]]:
-    """Choose the partners of each scan that are most like it, as pairs (larger row, smaller row).
+    """Return pairs (larger row, smaller row) of each scan and the most similar ones, the most similar first.
 
-    Pairs that were tried are left out, and where components are told, those within one. The most similar pair
-    comes first.
+    Tried pairs are left out, and with labels of components also pairs within one.
     """
     left = similarity.copy()
     np.fill_diagonal(left, -np.inf)

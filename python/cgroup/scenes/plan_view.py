@@ -1,4 +1,4 @@
-"""Where a scan fits a map as seen from above: walls on walls, open floor where the map has no walls."""
+"""Align a scan with a map seen from above: walls on walls, open floor on free space."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from cgroup.types import FloatArray, IndexArray
 
 _FLAT, _STEEP = 0.9, 0.3  # cosines of normals with the axis: of floors from, of walls up to
 _LEAST_FLAT, _LEAST_WALLS = 0.15, 30  # share of flat voxels, and number of wall voxels, that a plan needs
-_TURNS, _PARTS = 72, 3  # turns that are tried, and parts of them when it is looked at closely
+_TURNS, _PARTS = 72, 3  # tried turns, and their subdivision in the fine search
 _COARSE = 2  # voxels of a coarse cell
 _OPEN = 0.7  # weight of open floor
-_CLOSELY = 300  # placements that are looked at closely
-_ROUNDS = 5  # of finding the direction that most normals have
+_CLOSELY = 300  # placements in the fine search
+_ROUNDS = 5  # of the search for the main direction of normals
 _MARGIN = 2  # cells between a map and the border
 _APART, _TURNED = 3.0, np.radians(17.0)  # voxels or angle between places
 _FLOOR_WITHIN = 10.0  # voxels from a place
@@ -28,7 +28,7 @@ _LEAST_FLOOR, _MOST_FLOORS = 0.2, 4  # share of the largest floor's voxels that 
 
 
 class Layers(NamedTuple):
-    """Walls and floors of voxels, upright: turned by `turn` such that the axis is z."""
+    """Walls and floors of voxels, rotated by `turn` such that the axis is z."""
 
     turn: FloatArray
     walls: FloatArray
@@ -36,9 +36,9 @@ class Layers(NamedTuple):
 
 
 def find_layers(points: FloatArray, normals: FloatArray, axis: FloatArray | None) -> Layers | None:
-    """Find walls and floors of voxels; None where there are few of either.
+    """Find walls and floors of voxels; None if there are few of either.
 
-    The axis is that of most normals, unless one is given, and points to where more is.
+    By default the axis is the main direction of the normals, towards the side with more voxels.
     """
     known = np.isfinite(normals).all(axis=1)
     up = _main_direction(normals[known]) if axis is None else axis
@@ -54,7 +54,7 @@ def find_layers(points: FloatArray, normals: FloatArray, axis: FloatArray | None
 
 
 def _main_direction(normals: FloatArray) -> FloatArray:
-    """Return the direction that most normals have."""
+    """Return the main direction of normals."""
     direction = np.linalg.eigh(normals.T @ normals)[1][:, 2]
     for _ in range(_ROUNDS):
         near = normals[np.abs(normals @ direction) > _FLAT]
@@ -64,7 +64,7 @@ def _main_direction(normals: FloatArray) -> FloatArray:
 
 
 def _upright(up: FloatArray) -> FloatArray:
-    """Return a rotation that takes a direction to z."""
+    """Return a rotation of a direction to z."""
     vectors = np.linalg.qr(np.column_stack([up, np.eye(3)]))[0].T
     vectors[0] = up
     turn = vectors[[1, 2, 0]]
@@ -73,14 +73,14 @@ def _upright(up: FloatArray) -> FloatArray:
 
 
 class Disk(NamedTuple):
-    """Where the origin of a scan may lie in a map: within a radius of a place."""
+    """Searched positions of a scan's origin in a map: a disk around a place."""
 
     middle: FloatArray
     radius: float
 
 
 class _Outline(NamedTuple):
-    """Walls and lowest floor of a scan about its middle, from above, (n,2) each, and the middle, (3,)."""
+    """Walls and lowest floor of a scan about its middle, (n,2) each, and the middle, (3,)."""
 
     walls: FloatArray
     floor: FloatArray
@@ -89,7 +89,7 @@ class _Outline(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PlanView:
-    """A map as seen from above, on a grid of one voxel."""
+    """A map seen from above, on a grid of one voxel."""
 
     layers: Layers
     voxel: float
@@ -112,13 +112,13 @@ class PlanView:
         return grid + near
 
     def propose(self, scan: Layers, within: Disk | None, threads: int | None) -> Iterator[FloatArray]:
-        """Propose poses of a scan, the best place first: for each (h,4,4), one for each floor there."""
+        """Yield poses of a scan, the best place first: (h,4,4) per place, one per floor."""
         middle = np.concatenate([scan.walls, scan.floors]).mean(axis=0)
         middle[2] = np.median(scan.floors[:, 2])
         lowest = np.abs(scan.floors[:, 2] - middle[2]) < 2 * self.voxel
         parts = (scan.walls - middle)[:, :2], (scan.floors - middle)[lowest, :2]
         outline = _Outline(*parts, middle)
-        angles, places = self._look_closely(outline, self._place_roughly(outline, within, threads), threads)
+        angles, places = self._refine(outline, self._place_coarsely(outline, within, threads), threads)
         left = np.ones(len(angles), dtype=bool)
         while left.any():
             first = int(np.argmax(left))
@@ -126,7 +126,7 @@ class PlanView:
             beside = np.abs((angles - angles[first] + np.pi) % (2 * np.pi) - np.pi) <= _TURNED
             left &= ~beside | (np.linalg.norm(places - places[first], axis=1) > _APART * self.voxel)
 
-    def _place_roughly(self, outline: _Outline, within: Disk | None, threads: int | None) -> IndexArray:
+    def _place_coarsely(self, outline: _Outline, within: Disk | None, threads: int | None) -> IndexArray:
         """Place walls and floor on coarse cells at all turns; return turns, rows and columns, (n,3)."""
         turns, size = np.arange(0, _TURNS * _PARTS, _PARTS), _COARSE * self.voxel
         height, width = (count // _COARSE for count in self._walls.shape)
@@ -141,10 +141,10 @@ class PlanView:
         found = self._place(coarse, size, outline, turns, windows, _CLOSELY, threads)
         return found * (_PARTS, _COARSE, _COARSE)
 
-    def _look_closely(
+    def _refine(
         self, outline: _Outline, rough: IndexArray, threads: int | None
     ) -> tuple[FloatArray, FloatArray]:
-        """Score placements around rough ones on fine cells; return angles and places, the best first."""
+        """Score placements around coarse ones on fine cells; return angles and places, the best first."""
         near = (rough + np.array([[[-1, 0, 0]], [[0, 0, 0]], [[1, 0, 0]]])).reshape(-1, 3)
         turns, numbers = np.unique(near[:, 0] % (_TURNS * _PARTS), return_inverse=True)
         sides = [
@@ -181,7 +181,7 @@ class PlanView:
     def _poses_at(
         self, angle: float, place: FloatArray, middle: FloatArray, scan_turn: FloatArray
     ) -> FloatArray:
-        """Return the poses at a place: one for each floor of the map there."""
+        """Return the poses at a place: one per floor of the map."""
         floors = self.layers.floors
         away = np.linalg.norm(floors[:, :2] - place, axis=1)
         near = away < max(_FLOOR_WITHIN * self.voxel, float(away.min()) + self.voxel)

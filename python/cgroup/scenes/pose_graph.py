@@ -1,4 +1,4 @@
-"""Pose graphs: poses of nodes from measured motions between them."""
+"""Pose graphs: estimate poses of nodes from relative measurements."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _KINDS = {"numbers": np.float64, "whole numbers": np.int64, "truth values": np.b
 
 @dataclass(frozen=True, eq=False)
 class PoseGraph:
-    """Poses of nodes, and measured motions between them.
+    """Poses of nodes, and relative measurements between them.
 
     The error of an edge is the twist e = log(Z^-1 T_i^-1 T_j), its rotation vector first, and its cost is
     e' W e / 2 with the information W, as in GTSAM. A graph never changes; its arrays are read-only copies.
@@ -53,20 +53,14 @@ class PoseGraph:
     information : (M,6,6) array_like of float
         Inverse covariances of twists d that move the measurements on their right, T exp(d).
     probability : (M,) array_like of float, optional
-        How likely each edge is right before anything else is known; 1 where it is trusted always. Without it
-        1 for edges from a node to the next one, .5 for others.
+        Prior probability of each edge; 1 for trusted edges. By default 1 for edges from a node to the next
+        one, .5 for others.
     kept : (M,) array_like of bool, optional
-        False for edges that a robust optimization has dropped. Without it all True.
+        False for edges that a robust optimization dropped. By default all True.
     ids : (N,) array_like of int, optional
-        Numbers of the nodes in files. Without them 0 to N - 1.
+        Numbers of the nodes in files. By default 0 to N - 1.
     notes : tuple of str
-        Changes that `read` made to what the file holds.
-
-    Raises
-    ------
-    InputError
-        If a shape differs, a pose isn't rigid, a node isn't there, or an information isn't symmetric and
-        positive definite.
+        Changes that `read` made to the content of the file.
 
     Notes
     -----
@@ -97,7 +91,7 @@ class PoseGraph:
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Check shapes and numbers; make arrays read-only copies of what they are given."""
+        """Check shapes and numbers; replace arrays by read-only copies."""
         if not isinstance(self.notes, tuple) or not all(isinstance(note, str) for note in self.notes):
             raise refusal("notes", self.notes, "give a tuple of texts")
         poses = as_poses("poses", self.poses)
@@ -127,7 +121,7 @@ class PoseGraph:
             object.__setattr__(self, name, own)
 
     def _numbers(self, name: str, what: str, *shape: int) -> NDArray[Any]:
-        """Return a field as an array of one shape; what is empty stands for one without rows."""
+        """Return a field as an array of one shape; an empty value becomes one without rows."""
         value, kind = getattr(self, name), _KINDS[what]
         array = as_array(name, value)
         if array.size == 0:
@@ -144,27 +138,14 @@ class PoseGraph:
         ----------
         path : path-like
             Open3D's JSON by its suffix; else lines of g2o (VERTEX_SE3:QUAT, EDGE_SE3:QUAT) or of TORO and
-            GTSAM (VERTEX3, EDGE3). FIX is passed over: the first node of a component keeps its pose.
+            GTSAM (VERTEX3, EDGE3). FIX is ignored: the first node of a component keeps its pose.
 
         Returns
         -------
         PoseGraph
-            Its nodes in the order of their numbers. An information matrix that is semi-definite, or whose
-            negative eigenvalues are within the rounding of a file of few digits, is made positive definite;
-            `notes` lists the edges.
-
-        Raises
-        ------
-        InputError
-            If the file can't be read, with the number of the line that is wrong.
-
-        Examples
-        --------
-        >>> from cgroup.io import write_file
-        >>> from cgroup.scenes import PoseGraph
-        >>> write_file("one.g2o", b"VERTEX_SE3:QUAT 4 0 0 0 0 0 0 1")
-        >>> PoseGraph.read("one.g2o").ids
-        array([4])
+            Its nodes in the order of their numbers. Semi-definite information matrices, and those with
+            negative eigenvalues within the rounding of few digits, are made positive definite; `notes` lists
+            these edges.
         """
         path = as_path("path", path)
         parse = parse_json if path.suffix.lower() == ".json" else parse_text
@@ -178,21 +159,8 @@ class PoseGraph:
         Parameters
         ----------
         path : path-like
-            Where to: g2o or Open3D's JSON, by the suffix. JSON keeps each bit of poses; g2o has quaternions,
-            and keeps rotations to rounding.
-
-        Raises
-        ------
-        InputError
-            If the suffix is another, or the file can't be written.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> from cgroup.scenes import PoseGraph
-        >>> PoseGraph([np.eye(4)], [], [], []).write("one.json")
-        >>> len(PoseGraph.read("one.json").poses)
-        1
+            Its suffix selects g2o or Open3D's JSON. JSON keeps poses to the bit; g2o has quaternions and
+            keeps rotations to rounding.
         """
         path = written_path(path, "pose graphs", ".g2o", ".json")
         form = format_json if path.suffix.lower() == ".json" else format_g2o
@@ -206,32 +174,25 @@ class PoseGraph:
         threads: int | None = None,
         progress: Callable[[float], object] | None = None,
     ) -> PoseGraph:
-        """Move the poses to the least cost.
+        """Return the graph with the poses of least cost.
 
         The first node of each component keeps its pose.
 
         Parameters
         ----------
         robust : bool
-            Drop edges that contradict the others; those of probability 1 are kept always.
+            Drop edges that contradict the others; those of probability 1 are kept.
         start : {"chordal", "given"}
-            From the edges alone, or from the poses as they are.
+            Start from the edges alone, or from the given poses.
         threads : int, optional
-            Without it all cores. The result is the same on any number.
+            As for `register`.
         progress : callable, optional
             Called with the share of the work done.
 
         Returns
         -------
         PoseGraph
-            With other poses, and with `kept` where it was robust.
-
-        Raises
-        ------
-        InputError
-            If an argument isn't as described.
-        OutOfMemoryError
-            If the system gives no memory for the factor of the matrix.
+            With new poses, and with `kept` if robust.
 
         Examples
         --------
@@ -251,35 +212,16 @@ class PoseGraph:
 
     @property
     def cost(self) -> float:
-        """Half the weighted squares of the kept edges, as GTSAM's ``graph.error``.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> from cgroup.scenes import PoseGraph
-        >>> graph = PoseGraph([np.eye(4)] * 2, [(0, 1)], [np.eye(4)], [np.eye(6)])
-        >>> graph.cost
-        0.0
-        """
+        """Half the weighted squares of the kept edges, as GTSAM's ``graph.error``."""
         return 0.5 * float(np.sum(self.residuals[self.kept] ** 2))
 
     @cached_property
     def residuals(self) -> FloatArray:
-        """Square roots of e' W e, one per edge, (M,).
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> from cgroup.scenes import PoseGraph
-        >>> shift = np.eye(4)
-        >>> shift[0, 3] = 2
-        >>> PoseGraph([np.eye(4)] * 2, [(0, 1)], [shift], [np.eye(6)]).residuals
-        array([2.])
-        """
+        """Square roots of e' W e, one per edge, (M,)."""
         return np.sqrt(_core.squared_errors(self._arrays(), run_options()))
 
     def covariance(self, i: int) -> FloatArray:
-        """Find the marginal covariance of a node's pose, given the kept edges.
+        """Return the marginal covariance of a node's pose, given the kept edges.
 
         Parameters
         ----------
@@ -290,38 +232,18 @@ class PoseGraph:
         -------
         (6,6) array of float64
             Of the twist (rotation vector in radians, translation) that moves the pose on its right; zero for
-            the first node of a component, which is held.
-
-        Raises
-        ------
-        InputError
-            If there is no such node.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> from cgroup.scenes import PoseGraph
-        >>> graph = PoseGraph([np.eye(4)] * 2, [(0, 1)], [np.eye(4)], [4 * np.eye(6)])
-        >>> graph.covariance(1).diagonal()
-        array([0.25, 0.25, 0.25, 0.25, 0.25, 0.25])
+            the first node of a component, which is fixed.
         """
         node = as_index("i", i, len(self.poses), "nodes")
         return _core.pose_covariances(self._arrays(self.kept), np.array([node]), run_options())[0]
 
     def components(self) -> list[IndexArray]:
-        """Find the nodes that hang together by kept edges.
+        """Return the nodes that are connected by kept edges.
 
         Returns
         -------
         list of (k,) arrays of int64
             Rows of `poses`, the largest component first.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> from cgroup.scenes import PoseGraph
-        >>> PoseGraph([np.eye(4)] * 3, [(0, 2)], [np.eye(4)], [np.eye(6)]).components()
-        [array([0, 2]), array([1])]
         """
         labels, edges = np.arange(len(self.poses)), self.edges[self.kept]
         while len(apart := labels[edges][labels[edges[:, 0]] != labels[edges[:, 1]]]):
@@ -332,6 +254,6 @@ class PoseGraph:
         return sorted(parts, key=len, reverse=True)
 
     def _arrays(self, rows: BoolArray | slice = slice(None)) -> tuple[Any, ...]:
-        """Return what the compiled core takes, with some of the edges."""
+        """Return the arguments of the compiled core, with some of the edges."""
         edges, probability = self.edges[rows], self.probability[rows]
         return self.poses, edges, self.measurements[rows], self.information[rows], probability

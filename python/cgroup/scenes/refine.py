@@ -22,17 +22,17 @@ from cgroup.types import FloatArray
 from cgroup.verification import FineSurface, align
 
 PARTNERS = 6
-"""Scans that each scan is laid on, those that it shares most with."""
+"""Largest number of partners of each scan, by overlap."""
 
-_CELL = 3.0  # voxels within which two scans share a place
-_HELD = 1e-4  # of the weight of all pairs, against motions that they leave open
+_CELL = 3.0  # voxels within which two scans overlap
+_HELD = 1e-4  # share of the weight of all pairs that holds open motions
 _LEAST_SHARED, _LEAST_FITNESS = 0.15, 0.1
 
 
 def find_overlapping(
     scans: Sequence[PreparedScan], decision: Decision, kept: Collection[tuple[int, int]]
 ) -> list[tuple[int, int]]:
-    """Return the pairs that share most, of each scan, and those that are kept."""
+    """Return the pairs of largest overlap of each scan, and the kept ones."""
     holders: dict[tuple[int, ...], list[int]] = defaultdict(list)
     sizes = np.zeros(len(scans))
     for row, scan in enumerate(scans):
@@ -59,10 +59,10 @@ def find_overlapping(
     return sorted(chosen)
 
 
-def lay_on_each_other(
+def refine_pairs(
     call: CallEach, pairs: Sequence[tuple[int, int]], decision: Decision, middles: FloatArray, voxel: float
 ) -> dict[tuple[int, int], Link]:
-    """Refine the pose of each pair from where the scene puts it; return those that stay there."""
+    """Refine the pose of each pair from that of the scene; return those that stay near it."""
     expected = [decision.between(*pair) for pair in pairs]
     found = call(confirm, [(pair, (pose,)) for pair, pose in zip(pairs, expected, strict=True)])
     rows = [row for row, one in enumerate(found) if one is not None]
@@ -82,8 +82,8 @@ def lay_on_each_other(
     }
 
 
-def lay_on_unions(call: CallEach, pairs: Sequence[tuple[int, int]], decision: Decision) -> PoseGraph:
-    """Refine each scan on the union of those that it is paired with; return what draws them together."""
+def refine_on_unions(call: CallEach, pairs: Sequence[tuple[int, int]], decision: Decision) -> PoseGraph:
+    """Refine each scan on the union of its partners; return the pose graph of the results."""
     beside: dict[int, list[int]] = defaultdict(list)
     for one, other in pairs:
         beside[one].append(other)
@@ -91,7 +91,7 @@ def lay_on_unions(call: CallEach, pairs: Sequence[tuple[int, int]], decision: De
     rows = sorted(beside)
     around = [np.array([decision.between(other, row) for other in beside[row]]) for row in rows]
     found = call(
-        lay_on_union, [((row, *beside[row]), (poses,)) for row, poses in zip(rows, around, strict=True)]
+        refine_on_union, [((row, *beside[row]), (poses,)) for row, poses in zip(rows, around, strict=True)]
     )
     edges: list[tuple[int, int]] = []
     measured: list[FloatArray] = []
@@ -110,11 +110,11 @@ def lay_on_unions(call: CallEach, pairs: Sequence[tuple[int, int]], decision: De
     )
 
 
-def lay_on_union(*scans_and_poses: Any) -> tuple[FloatArray, FloatArray] | None:  # noqa: ANN401 - both kinds
-    """Refine a scan on the union of others: the first on the rest, whose poses in its frame come last.
+def refine_on_union(*scans_and_poses: Any) -> tuple[FloatArray, FloatArray] | None:  # noqa: ANN401 - both kinds
+    """Refine the first scan on the union of the others, whose poses in its frame come last.
 
-    Returns the motion of the scan in its own frame, and the information of the last step; None where it lies
-    on nothing.
+    Returns the motion of the scan in its own frame, and the information of the last step; None without
+    overlap.
     """
     *scans, poses = scans_and_poses
     first = scans[0]

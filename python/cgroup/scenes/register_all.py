@@ -1,4 +1,4 @@
-"""Register many scans: poses of all in one scene, or in several."""
+"""Register many scans into one scene, or several."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from cgroup.registration.register import as_pairs, as_viewpoints
 from cgroup.registration.scan import MAX_SIZE_RATIO, as_viewpoint
 from cgroup.registration.search import EFFORTS, Effort
 from cgroup.rigid import as_poses
-from cgroup.scenes.building import Building
+from cgroup.scenes.building import SceneBuilder
 from cgroup.scenes.scene import Scene
 from cgroup.scenes.workers import open_workers
 from cgroup.types import AnyCloud, FloatArray
@@ -54,46 +54,34 @@ def register_all(
     threads: int | None = None,
     progress: Callable[[str], Any] | None = None,
 ) -> Scene:
-    """Place many scans, each in its own frame, in one scene, or in several.
+    """Estimate the poses of many scans in one scene, or in several.
 
-    Scans may come in any order. Those that look alike as a whole are registered pair by pair. All poses are
-    then decided on together: what the others contradict is dropped, what they confirm is kept, even where two
-    scans alone could not tell. Components that pairs don't join are registered as unions. At last all scans
-    are refined together on their surfaces.
+    Scans may come in any order. Similar scans are registered pair by pair. All pair poses are then selected
+    together: poses that the others contradict are dropped, and uncertain poses that the others confirm are
+    kept. Components without a common pair are registered as unions. Finally all scans are refined together on
+    their surfaces. Further parameters are as for `register`.
 
     Parameters
     ----------
     scans : sequence of PreparedScan, PointCloud, Cloud, path or (N,3) array_like of float, or path
-        Two or more, in the same unit. One that can't be worked with is left out, and `Scene.notes` says so.
-        A single path is that of a folder, or a pattern such as ``"scans/*.ply"``; files are sorted by name.
+        Two or more, in the same unit. Unusable scans are left out and listed in `Scene.notes`. A single path
+        is that of a folder, or a pattern such as ``"scans/*.ply"``; files are sorted by name.
     names : sequence of str, optional
-        What notes call them; by default the names of files, or ``"scan 3"``.
+        Names of the scans in notes; by default those of the files, or ``"scan 3"``.
     viewpoints : sequence of (3,) array_like of float or None, optional
-        Where the scanner stood, in the frame of each scan; None for what its file says, if it does.
-    viewpoint : (3,) array_like of float, optional
-        The same for all scans.
-    view_direction : (3,) array_like of float, optional
-        Where the scanner looked, in the frame of each scan, where its place is not known or its rays are
-        parallel.
-    axis : (3,) array_like of float, optional
-        A direction that all scans share, such as that of gravity; a pose may tilt it by 10 degrees.
+        Positions of the scanners, one per scan; None for that of its file.
     pairs : iterable of (int, int), optional
-        Rows of `scans` that are registered, and no others. By default all pairs of up to 20 scans; of
-        more, each scan with those that look most like it.
+        Rows of `scans` to register. By default all pairs of up to 20 scans; of more, each scan with the most
+        similar ones.
     odometry : (N,4,4) array_like of float, optional
-        Poses of the scans, in order, by other sensors. Neighbours are then linked even where their surfaces
-        don't tell.
-    voxel : float, optional
-        Edge length of the voxels, in the unit of the points; by default such that some 4,500 are left, on
-        average of all scans.
-    effort : {"low", "normal", "high"}
-        How long to search for the pose of a pair.
+        Poses of the scans, in order, by other sensors. Neighbours are then linked even if their surfaces do
+        not fix the pose.
     keep : path, optional
-        File of finished pairs: a run that was ended goes on from there.
+        File of finished pairs, from which an interrupted run continues.
     scheduler : str or distributed.Client, optional
-        Address of a Dask cluster to work on, its client, or "local". By default the threads of this process.
+        Address of a Dask cluster, its client, or "local". By default the threads of this process.
     threads : int, optional
-        Scans or pairs worked on at a time; None for one per core.
+        Number of scans or pairs at a time; one per core by default.
     progress : callable, optional
         Called with the name of each stage, and with ``"pair 5 of 45"`` as each begins.
 
@@ -101,13 +89,6 @@ def register_all(
     -------
     Scene
         Poses, components, edges.
-
-    Raises
-    ------
-    InputError
-        If no two scans are left that can be worked with, or an option can't be; the message names it.
-    OutOfMemoryError
-        Where the system gives no memory for the computation.
 
     Examples
     --------
@@ -142,13 +123,13 @@ def register_all(
         usable = [pair for pair in wanted if pair[0] != pair[1] and {*pair} <= place.keys()]
         wanted = [(place[one], place[other]) for one, other in usable]
     with open_workers(scans, threads, scheduler, keep, begin) as call:
-        building = Building(scans, call, direction, effort, clock)
+        building = SceneBuilder(scans, call, direction, effort, clock)
         building.register_pairs(wanted, None if moved is None else moved[rows])
         return _finish(building, rows, given, called, notes)
 
 
 def add_scan(scene: Scene, scan: PreparedScan | Cloud | AnyCloud, viewpoint: ArrayLike | None) -> Scene:
-    """Return the scene with one more scan."""
+    """Return the scene with a further scan."""
     if scene.made is None:
         raise InputError("scene", "one that was put together by hand", "make it by `register_all`")
     building, rows, notes = scene.made
@@ -162,7 +143,7 @@ def add_scan(scene: Scene, scan: PreparedScan | Cloud | AnyCloud, viewpoint: Arr
 
 
 def _as_names(names: Sequence[str] | None, given: Sequence[Any]) -> list[str]:
-    """Return what scans are called."""
+    """Return the names of scans."""
     if names is None:
         is_path = [isinstance(scan, str | os.PathLike) for scan in given]
         return [Path(scan).name if is_path[row] else f"scan {row}" for row, scan in enumerate(given)]
@@ -175,7 +156,7 @@ def _as_names(names: Sequence[str] | None, given: Sequence[Any]) -> list[str]:
 def _prepare_each(
     named: list[tuple[str, Any, Any]], voxel: float | None, threads: int | None, begin: Callable[[str], Any]
 ) -> tuple[dict[int, PreparedScan], tuple[str, ...]]:
-    """Make scans (name, cloud, viewpoint) ready with one voxel; say why those that can't be are left out."""
+    """Prepare scans (name, cloud, viewpoint) with one voxel; return the reasons for unusable ones, too."""
     clouds: dict[int, Given] = {}
     ready: dict[int, PreparedScan] = {}
     reasons: dict[int, str] = {}
@@ -214,23 +195,23 @@ def _prepare_each(
 
 
 def _find_repeats(names: list[str], scans: dict[int, PreparedScan]) -> list[str]:
-    """Say which scans have the points of an earlier one."""
+    """Return notes on scans with the points of an earlier one."""
     first: dict[bytes, int] = {}
     earlier = {
         row: first.setdefault(sha256(scan.scan.cloud.points.tobytes()).digest(), row)
         for row, scan in scans.items()
     }
     return [
-        f"{names[row]} has the same points as {names[one]}: the same scan twice tells nothing new"
+        f"{names[row]} has the same points as {names[one]}: the same scan twice adds nothing"
         for row, one in earlier.items()
         if row != one
     ]
 
 
 def _finish(
-    building: Building, rows: list[int], given: Sequence[Any], names: list[str], notes: tuple[str, ...]
+    building: SceneBuilder, rows: list[int], given: Sequence[Any], names: list[str], notes: tuple[str, ...]
 ) -> Scene:
-    """Return the scene by the rows that were given, among which some were left out."""
+    """Return the scene by the rows of all input scans, of which some were left out."""
     scene = building.finish()
 
     def spread(values: FloatArray) -> FloatArray:
@@ -255,7 +236,7 @@ def _finish(
 def _say_components(sizes: list[int]) -> list[str]:
     several = [size for size in sizes if size > 1]
     if len(sizes) < 2 or not several:
-        return ["no two scans hang together"] if len(sizes) > 1 else []
+        return ["no two scans are connected"] if len(sizes) > 1 else []
     said = f"{counted(len(several), 'scene')} of {', '.join(map(str, several))} scans"
     alone = len(sizes) - len(several)
     return [f"{said}, and {counted(alone, 'scan')} alone" if alone else said]

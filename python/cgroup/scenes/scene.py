@@ -1,4 +1,4 @@
-"""Results of registering many scans: a scene."""
+"""The result of registering many scans."""
 
 from __future__ import annotations
 
@@ -43,29 +43,20 @@ class Edge:
     T_target_source : (4,4) array of float64
         Maps source points into the target's frame.
     probability : float
-        That it is right: of a kept edge by the evidence of all scans, of a dropped one by that of its two
-        scans alone.
+        That the pose is right: for a kept edge by the evidence of all scans, for a dropped one by that of its
+        two scans.
     covariance : (6,6) array of float64
         Of (rotation vector, translation) in the target's frame, as for `Registration.covariance`.
     fitness, target_fitness : float
-        Shares of either surface that lies on the other.
+        Shares of the surfaces that overlap each other.
     kept : bool
-        Whether the scene holds it to be right.
+        Whether the scene uses it.
     residual : float
-        How far it is from the poses of the scene, in standard deviations: the square root of ``e^T C^-1 e``,
-        C its covariance and what any pose may be off besides (1 degree, half a voxel at the source's middle);
-        NaN between two components.
+        Its difference from the poses of the scene, in standard deviations: the square root of
+        ``e^T C^-1 e``, C its covariance plus that of other errors (1 degree, half a voxel at the source's
+        middle); NaN between two components.
     reason : str
-        Why it was dropped; "" where it is kept.
-
-    Examples
-    --------
-    >>> from cgroup.datasets import standin_pair
-    >>> from cgroup.scenes import register_all
-    >>> pair = standin_pair(pixels=60)
-    >>> (edge,) = register_all([pair.source, pair.target]).edges
-    >>> sorted([edge.source, edge.target]), edge.probability > 0.9, edge.kept
-    ([0, 1], True, True)
+        Reason why it was dropped; "" if it is kept.
     """
 
     source: int
@@ -89,40 +80,29 @@ class Scene:
     poses : (N,4,4) array of float64
         Maps points of each scan into the frame of its component, that of the component's first scan.
     components : list of list of int
-        Rows of the scans that hang together, the largest first; a scan that belongs to none is alone. Scans
-        that were left out are in none.
+        Rows of the connected scans, the largest component first; an unconnected scan is alone. Scans that
+        were left out are in none.
     edges : list of Edge
-        Every pair whose pose was accepted, or brought back by the others.
+        Every pair whose pose was accepted, or confirmed by the others.
     probability : (N,) array of float64
-        That each scan is placed right: the least probable edge on the best way from the first scan of its
+        That each pose is right: the least probable edge on the best path from the first scan of its
         component, which has 1. NaN for scans that were left out.
     covariance : (N,6,6) array of float64
         Of each pose, of (rotation vector, translation) in the frame of its component.
     names : list of str
-        What each scan is called.
+        Names of the scans.
     scans : tuple
-        The clouds, paths or prepared scans that were given.
+        The input clouds, paths or prepared scans.
     voxel : float
         Edge length of the voxels, in the unit of the points.
     tried : int
         Pairs that were registered.
     notes : tuple of str
-        What a user should know: sentences.
+        Remarks, one sentence each.
     seconds : dict of str to float
         Wall time of each stage, in order.
     made : object, optional
-        What `add` goes on from: prepared scans, and the poses of their pairs.
-
-    Examples
-    --------
-    >>> from cgroup.datasets import standin_pair
-    >>> from cgroup.scenes import register_all
-    >>> pair = standin_pair(pixels=60)
-    >>> scene = register_all([pair.source, pair.target])
-    >>> scene
-    Scene(scans=2, components=[2], edges=1 of 1 kept)
-    >>> scene.components, scene.poses.shape
-    ([[0, 1]], (2, 4, 4))
+        State for `add`: prepared scans, and the poses of their pairs.
     """
 
     poses: FloatArray
@@ -139,55 +119,29 @@ class Scene:
     made: Any = None
 
     def add(self, scan: PreparedScan | Cloud | AnyCloud, *, viewpoint: ArrayLike | None = None) -> Scene:
-        """Add a scan, registered with those that look most like it; all are refined anew.
+        """Return the scene with a further scan, registered to the most similar ones.
 
         Parameters
         ----------
         scan : PreparedScan, PointCloud, Cloud, path or (N,3) array_like of float
             In the same unit. Its row is the last.
         viewpoint : (3,) array_like of float, optional
-            Where its scanner stood.
+            Position of its scanner.
 
         Returns
         -------
         Scene
-            A new one.
-
-        Raises
-        ------
-        InputError
-            If the scan can't be worked with, or the scene was not made by `register_all`.
-        OutOfMemoryError
-            Where the system gives no memory for the computation.
-
-        Examples
-        --------
-        >>> from cgroup.datasets import standin_pair
-        >>> from cgroup.scenes import register_all
-        >>> one, other = (standin_pair(seed=1, turn=turn, pixels=60) for turn in (40, 80))
-        >>> scene = register_all([one.source, one.target])
-        >>> scene.add(other.target).components
-        [[0, 1, 2]]
+            A new one; all scans are refined again.
         """
         return call_hook("scene", self, scan, viewpoint)
 
     @cached_property
     def graph(self) -> PoseGraph:
-        """The scans that are placed, and the edges between them.
+        """Pose graph of the connected scans, and the edges between them.
 
         Nodes are the scans of all components in the order of their rows, which are the graph's ``ids``; edge
         (i, j) measures ``T_i^-1 T_j`` for target i and source j, with the inverse of its covariance.
-        `PoseGraph.kept` has the edges that the scene holds to be right.
-
-        Examples
-        --------
-        >>> from cgroup.datasets import standin_pair
-        >>> from cgroup.scenes import register_all
-        >>> pair = standin_pair(pixels=60)
-        >>> scene = register_all([pair.source, pair.target])
-        >>> graph = scene.graph
-        >>> graph.poses.shape, graph.edges.shape, graph.kept
-        ((2, 4, 4), (1, 2), array([ True]))
+        `PoseGraph.kept` marks the edges that the scene uses.
         """
         return self._graph_of(sorted(row for rows in self.components for row in rows))
 
@@ -207,39 +161,22 @@ class Scene:
         )
 
     def merged(self, *, voxel: float | None = None, component: int = 0) -> PointCloud:
-        """Make one cloud of the scans of a component.
+        """Merge the scans of a component into one cloud.
 
         Parameters
         ----------
         voxel : float, optional
-            Edge length of the voxels that it is thinned by, in the unit of the points; the finest point
-            spacing of the scans by default, so that what many show is no denser than the rest.
+            Edge length of the voxels for downsampling, in the unit of the points; by default the finest point
+            spacing of the scans, so that overlaps are not denser.
         component : int
-            Which of `components`.
+            Row of `components`.
 
         Returns
         -------
         PointCloud
-            In the frame of the component. Colours are those of the scans if all have some, else one for each
-            scan; normals where all have some. Scans given as paths are read again.
-
-        Raises
-        ------
-        InputError
-            If there is no such component, the voxel is no length, or a file can't be read again or has other
-            points than were registered.
-        OutOfMemoryError
-            Where the system gives no memory for the computation.
-
-        Examples
-        --------
-        >>> from cgroup.datasets import standin_pair
-        >>> from cgroup.scenes import register_all
-        >>> pair = standin_pair(pixels=60)
-        >>> scene = register_all([pair.source, pair.target])
-        >>> both = scene.merged()
-        >>> len(pair.source) < len(both) < len(pair.source) + len(pair.target)
-        True
+            In the frame of the component. Colours are those of the scans if all have some, else one per scan;
+            normals if all have some. Scans given as paths are read again; a file whose points have changed
+            raises `InputError`.
         """
         rows = self._component(component)
         return merge_clouds(self._posed(rows), scan_colors(len(self.scans))[rows], voxel)
@@ -251,7 +188,7 @@ class Scene:
         return [cloud_of(self, row).transformed(self.poses[row]) for row in rows]
 
     def _edges_among(self, rows: list[int]) -> list[tuple[int, int, Edge]]:
-        """Return the edges between scans, behind the places of source and target among these."""
+        """Return the edges between scans, each after the positions of source and target in `rows`."""
         place = {row: node for node, row in enumerate(rows)}
         inside = [edge for edge in self.edges if {edge.source, edge.target} <= place.keys()]
         return [(place[edge.source], place[edge.target], edge) for edge in inside]
@@ -264,35 +201,15 @@ class Scene:
         Parameters
         ----------
         path : path-like
-            What is written follows from the suffix. ``.tum``: a line per scan, its row in `scans` in place of
-            the time, then tx ty tz qx qy qz qw. ``.kitti``: a line of 12 numbers per scan, in the order of
+            The suffix selects the format. ``.tum``: a line per scan, its row in `scans` instead of the time,
+            then tx ty tz qx qy qz qw. ``.kitti``: a line of 12 numbers per scan, in the order of
             `components`. ``.log``: Redwood's trajectory, per scan a line with its row twice and the next
             number, then the 4x4 matrix. ``.g2o``: the graph of kept edges, nodes numbered by row.
             ``.json``: the same as Open3D's PoseGraph, nodes in the order of their rows. ``.ply``, ``.pcd``:
-            what `merged` returns. All but the clouds have the names of the scans by row: as comments, in
-            JSON under ``scans``, and for KITTI and Redwood in a file beside, such as ``poses.kitti.names``.
+            the cloud of `merged`. All but the clouds have the names of the scans by row: as comments, in JSON
+            under ``scans``, and for KITTI and Redwood in a second file such as ``poses.kitti.names``.
         component : int
-            Which of `components`.
-
-        Raises
-        ------
-        InputError
-            For another suffix, if there is no such component, if the file would replace a scan or can't be
-            written, or as for `merged`.
-        OutOfMemoryError
-            Where the system gives no memory for the computation.
-
-        Examples
-        --------
-        >>> from cgroup.datasets import standin_pair
-        >>> from cgroup.io import read_transforms
-        >>> from cgroup.scenes import register_all
-        >>> pair = standin_pair(pixels=60)
-        >>> scene = register_all([pair.source, pair.target])
-        >>> for name in ("poses.tum", "graph.g2o", "merged.ply"):
-        ...     scene.write(name)
-        >>> read_transforms("poses.tum").shape
-        (2, 4, 4)
+            Row of `components`.
         """
         path = written_path(path, "scenes", *POSE_FORMATS, *_GRAPHS, *_CLOUDS)
         rows, suffix = self._component(component), path.suffix.lower()
@@ -316,31 +233,17 @@ class Scene:
         """Draw the merged scans of a component, and the graph of their edges.
 
         Scans are coloured one by one and seen along their thinnest direction, maps from above. Edges of the
-        graph are coloured by residual; those that were dropped are dashed.
+        graph are coloured by residual; dropped ones are dashed.
 
         Parameters
         ----------
         component : int
-            Which of `components`.
+            Row of `components`.
 
         Returns
         -------
         matplotlib.figure.Figure
-            Not shown; notebooks show what a cell returns.
-
-        Raises
-        ------
-        InputError
-            If matplotlib isn't installed, there is no such component, or a file can't be read again or has
-            other points than were registered.
-
-        Examples
-        --------
-        >>> from cgroup.datasets import standin_pair
-        >>> from cgroup.scenes import register_all
-        >>> pair = standin_pair(pixels=60)
-        >>> len(register_all([pair.source, pair.target]).plot().axes)
-        3
+            Not shown; notebooks show the value of a cell.
         """
         with naming_missing_library():
             from cgroup.plots.scans import scans_figure  # noqa: PLC0415 - needs matplotlib
@@ -377,13 +280,7 @@ class Scene:
 
 
 def cloud_of(scene: Scene, row: int) -> PointCloud:
-    """Return the cloud of a scan: that of a path is read again, a prepared scan has its own.
-
-    Raises
-    ------
-    InputError
-        If it has other points than those that were registered: its pose may be wrong for them.
-    """
+    """Return the cloud of a scan; paths are read again, prepared scans have their own."""
     name, scan = scene.names[row], scene.scans[row]
     if isinstance(scan, PreparedScan):
         return PointCloud(in_double(scan.scan.cloud.points), scan.scan.normals)

@@ -1,4 +1,4 @@
-"""The scans of a scene as clouds in colours of their own, and its poses as text."""
+"""Colours of the scans of a scene, and its poses as text."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from cgroup.io._names import list_names
 from cgroup.types import FloatArray
 
 _FIRST_COLORS = bytes.fromhex("E69F00 0072B2 009E73 CC79A7 56B4E9 D55E00 B8AC1B 7A5195")
-"""As orange and blue of two scans, further colours that are told apart by every common kind of vision."""
+"""Colours that are distinct for every common kind of colour vision."""
 
 _GOLDEN = 0.618
-"""Of a turn between the hues of one scan and the next: they never come near soon."""
+"""Turn between the hues of consecutive scans, which keeps them apart."""
 
 POSE_FORMATS = (".tum", ".kitti", ".log")
 WITHOUT_NAMES = (".kitti", ".log")
-"""Formats without comments: many readers take each line for numbers."""
+"""Formats without comments: many readers expect numbers in each line."""
 
 
 def scan_colors(count: int) -> NDArray[np.uint8]:
-    """Return red, green and blue of so many scans."""
+    """Return red, green and blue of a number of scans."""
     first = np.frombuffer(_FIRST_COLORS, np.uint8).reshape(-1, 3)
     further = [
         colorsys.hls_to_rgb(_GOLDEN * number % 1, (0.42, 0.58, 0.7)[number % 3], 0.62)
@@ -36,7 +36,7 @@ def scan_colors(count: int) -> NDArray[np.uint8]:
 
 
 def format_poses(suffix: str, poses: FloatArray, rows: Sequence[int], names: Sequence[str]) -> str:
-    """Write poses of scans, their rows, and the names of all scans, in one of the formats."""
+    """Format poses of scans, their rows, and the names of all scans."""
     if suffix == ".kitti":
         lines = number_lines(poses[:, :3].reshape(-1, 12))
     elif suffix == ".tum":

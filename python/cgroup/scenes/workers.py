@@ -1,4 +1,4 @@
-"""Work on pairs of scans, side by side: on threads of this process, or on a Dask cluster."""
+"""Work on pairs of scans in parallel: on threads of this process, or on a Dask cluster."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ CallEach: TypeAlias = "Callable[[Callable[..., Any], Sequence[Task]], list[Any]]
 
 
 class _Job(NamedTuple):
-    """A function and tasks by number; `begin` is told of each, `take` of its result once that is there."""
+    """A function and tasks by number; `begin` gets each number, `take` each result."""
 
     function: Callable[..., Any]
     tasks: dict[int, Task]
@@ -47,7 +47,7 @@ def open_workers(
     """Work on threads of this process, or on a Dask cluster; results are the same bits.
 
     `scheduler` is an address, a `distributed.Client`, or "local" for a scheduler of Dask in this process.
-    `keep` is a file of finished links, which are not computed again. `begin` is told of each pair.
+    `keep` is a file of finished links, which are not computed again. `begin` gets the name of each pair.
     """
     workers = count_workers(threads)
     file = nullcontext() if keep is None else closing(KeptLinks(as_path("keep", keep), scans))
@@ -86,9 +86,9 @@ def _run_on_threads(scans: Sequence[PreparedScan], workers: int, job: _Job) -> N
 def _use_cluster(
     scans: Sequence[PreparedScan], scheduler: object, threads: int
 ) -> Generator[_Run, None, None]:
-    """Reach a cluster, whose workers may come and go.
+    """Connect to a cluster, whose workers may come and go.
 
-    Each scan that is needed travels to the scheduler once. Workers make theirs of that, or take another's.
+    Each needed scan is sent to the scheduler once; workers unpickle it, or copy that of another worker.
     """
     sent: dict[int, Any] = {}
 
@@ -106,7 +106,7 @@ def _use_cluster(
             called = pickle.dumps((job.function, arguments))
             return client.submit(_call, called, *(send(row) for row in rows), pure=False)
 
-        if_lost = "once it is there again, call again: with `keep`, finished pairs are not computed anew"
+        if_lost = "when it is back, call again: with `keep`, finished pairs are not computed again"
         with closing(work_on_cluster(client, submit, job.tasks, if_lost)) as finished:
             for number, result in finished:
                 if isinstance(result, WorkersDiedError):
@@ -123,9 +123,9 @@ def _use_cluster(
 
 
 class _SentScan:
-    """A scan on a worker, which goes on to others as a pickle.
+    """A scan on a worker, sent to others as a pickle.
 
-    Left to itself, Dask would lay arrays of what it receives at odd addresses.
+    Otherwise Dask would store received arrays at unaligned addresses.
     """
 
     def __init__(self, pickled: bytes, version: str) -> None:

@@ -11,8 +11,8 @@ from cgroup import _core
 from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_instance, as_length
 from cgroup.features.cloud import CloudLike, core_cloud
+from cgroup.rigid import check_rigid
 from cgroup.types import FloatArray
-from cgroup.verification._poses import as_pose
 
 SAMPLES = 3000
 """Samples of a fine surface."""
@@ -144,7 +144,7 @@ def align(
     """
     as_instance("source", source, FineSurface)
     as_instance("target", target, FineSurface)
-    return align_each(source, target, as_pose(pose), SAMPLES, threads)[0]
+    return align_each(source, target, check_rigid(pose, "pose")[None], SAMPLES, threads)[0]
 
 
 def align_each(

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cgroup import _core
 from cgroup._checks.run_options import run_options
-from cgroup.verification._poses import as_pose
+from cgroup.rigid import check_rigid
 from cgroup.verification.surface import Surface, core_surfaces
 
 
@@ -71,4 +71,4 @@ def places(
     >>> sorted({Place(place).name for place in found})
     ['ON', 'UNKNOWN']
     """
-    return _core.places(*core_surfaces(source, target), as_pose(pose), run_options(threads))
+    return _core.places(*core_surfaces(source, target), check_rigid(pose, "pose")[None], run_options(threads))

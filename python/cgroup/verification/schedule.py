@@ -7,10 +7,12 @@ from dataclasses import dataclass
 from numpy.typing import ArrayLike
 
 from cgroup import _core
+from cgroup._checks.arrays import as_floats
 from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_instance, as_length
+from cgroup.errors import InputError
+from cgroup.rigid import as_poses
 from cgroup.types import Correspondences, FloatArray, IndexArray
-from cgroup.verification._poses import as_poses
 from cgroup.verification.surface import Surface, core_surfaces
 
 DIFFERENT_DEGREES, DIFFERENT_UNITS = _core.DIFFERENT_POSES
@@ -126,7 +128,7 @@ def verify(
     >>> bool(np.abs(found.T_target_source - pair.T_target_source).max() < pr)
     True
     """
-    checked, evidence, surfaces = as_poses(poses), None, core_surfaces(source, target)
+    checked, evidence, surfaces = _as_some_poses(poses), None, core_surfaces(source, target)
     tolerance = MATCH_UNITS * target.unit
     if match_tolerance is not None:
         tolerance = as_length("match_tolerance", match_tolerance)
@@ -171,4 +173,12 @@ def score_poses(
     >>> score_poses(surface, surface, [np.eye(4), away]).round(2)
     array([2., 0.])
     """
-    return _core.score_poses(*core_surfaces(source, target), as_poses(poses), run_options(threads))
+    return _core.score_poses(*core_surfaces(source, target), _as_some_poses(poses), run_options(threads))
+
+
+def _as_some_poses(value: ArrayLike) -> FloatArray:
+    """Return one or more rigid transforms, (m,4,4)."""
+    poses = as_floats("poses", value)
+    if poses.ndim not in {2, 3} or poses.size == 0:
+        raise InputError("poses", f"shape {poses.shape}", "give (m,4,4), at least one rigid transform")
+    return as_poses("poses", poses[None] if poses.ndim == 2 else poses)
