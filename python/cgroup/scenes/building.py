@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from cgroup._runtime.progress import StageClock, ignore_progress
+from cgroup.pose_graph import PoseGraph
 from cgroup.registration import PreparedScan
 from cgroup.registration.judge import SURE, is_accepted
 from cgroup.registration.motions import adjoint
@@ -18,7 +19,6 @@ from cgroup.scenes.decide import FIRM, Decision, anchor, decide, follow_best, gr
 from cgroup.scenes.join import Join, cross_tasks, link_unions, propose_joins, task_of, weigh_join
 from cgroup.scenes.links import Link, link, weigh_pose
 from cgroup.scenes.partners import choose_partners, describe_scans
-from cgroup.scenes.pose_graph import PoseGraph
 from cgroup.scenes.refine import find_overlapping, refine_on_unions, refine_pairs
 from cgroup.scenes.scene import Edge, Scene
 from cgroup.scenes.workers import CallEach

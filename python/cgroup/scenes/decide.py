@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cgroup.pose_graph import PoseGraph
 from cgroup.registration.covariance import covariance_in
 from cgroup.registration.judge import ACCEPTED
 from cgroup.registration.motions import about
 from cgroup.rigid import invert
 from cgroup.scenes.agreement import SHIFT, TURN, squared_errors, weigh_by_triangles
 from cgroup.scenes.links import Link
-from cgroup.scenes.pose_graph import PoseGraph
 from cgroup.types import BoolArray, FloatArray, IndexArray
 
 FIRM = 0.9

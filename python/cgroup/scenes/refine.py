@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from cgroup.errors import InputError
+from cgroup.pose_graph import PoseGraph
 from cgroup.registration import PreparedScan
 from cgroup.registration.covariance import LEAST_DEVIATION
 from cgroup.registration.prepare import FINE
@@ -16,7 +17,6 @@ from cgroup.rigid import apply
 from cgroup.scenes.agreement import DISAGREES, squared_errors
 from cgroup.scenes.decide import Decision
 from cgroup.scenes.links import Link, confirm
-from cgroup.scenes.pose_graph import PoseGraph
 from cgroup.scenes.workers import CallEach
 from cgroup.types import FloatArray
 from cgroup.verification import FineSurface, align

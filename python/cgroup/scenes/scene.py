@@ -20,12 +20,12 @@ from cgroup.errors import InputError
 from cgroup.features import Cloud
 from cgroup.io import write_cloud, write_file
 from cgroup.io._files import check_outputs, written_path
-from cgroup.io._graphs import GraphContent, format_g2o, format_json
 from cgroup.io._names import list_names, names_file
+from cgroup.pose_graph import PoseGraph
+from cgroup.pose_graph.files import GraphContent, format_g2o, format_json
 from cgroup.registration import PreparedScan
 from cgroup.registration.covariance import covariance_in
 from cgroup.registration.result import merge_clouds
-from cgroup.scenes.pose_graph import PoseGraph
 from cgroup.scenes.scene_files import POSE_FORMATS, WITHOUT_NAMES, format_poses, scan_colors
 from cgroup.types import AnyCloud, FloatArray, PointCloud, as_cloud
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cgroup.io._files import number_lines
-from cgroup.io._graphs import motion_lines
 from cgroup.io._names import list_names
+from cgroup.pose_graph.files import motion_lines
 from cgroup.types import FloatArray
 
 _FIRST_COLORS = bytes.fromhex("E69F00 0072B2 009E73 CC79A7 56B4E9 D55E00 B8AC1B 7A5195")

@@ -19,7 +19,7 @@ from cgroup._checks.values import as_choice, as_flag, as_index, as_path, refusal
 from cgroup.errors import InputError
 from cgroup.io import write_file
 from cgroup.io._files import load_text, naming, written_path
-from cgroup.io._graphs import (
+from cgroup.pose_graph.files import (
     GraphContent,
     format_g2o,
     format_json,
@@ -29,8 +29,6 @@ from cgroup.io._graphs import (
     trust_steps,
 )
 from cgroup.rigid import as_poses
-
-__all__ = ["PoseGraph"]
 
 _KINDS = {"numbers": np.float64, "whole numbers": np.int64, "truth values": np.bool_}
 
