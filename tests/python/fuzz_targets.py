@@ -27,10 +27,10 @@ from cgroup import features
 from cgroup.datasets import make_problem
 from cgroup.evaluation.result_files import read_results, read_truth
 from cgroup.io import read_cloud, read_depth
+from cgroup.maps.prepared_map import Level
 from cgroup.scenes import PoseGraph, PreparedMap
 from cgroup.scenes.kept_links import KeptLinks
 from cgroup.scenes.links import Link
-from cgroup.scenes.maps import Level
 
 # Statuses that `cgroup --help` and the documentation name.
 STATUSES = {0, 2, 3}

@@ -17,9 +17,9 @@ from cgroup.datasets.generated.shapes import random_pose
 from cgroup.datasets.generated.worlds import World
 from cgroup.evaluation import rotation_error
 from cgroup.io import read_cloud
+from cgroup.maps.plan_view import PlanView, find_layers
 from cgroup.rigid import apply, invert
 from cgroup.scenes import PreparedMap, locate, prepare_map, register_all
-from cgroup.scenes.plan_view import PlanView, find_layers
 
 SIDE, LOT, SPACING = 120.0, 30.0, 0.7
 EYES = [(33.0, 47.0, 1.8), (75.0, 62.0, 1.8)]
@@ -82,7 +82,7 @@ def test_a_scan_is_found_in_a_town(
     eye: tuple[float, float, float], whole: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if not whole:
-        monkeypatch.setattr(sys.modules["cgroup.scenes.locate"], "WHOLE", 500)
+        monkeypatch.setattr(sys.modules["cgroup.maps.locate"], "WHOLE", 500)
     found = locate(scan_from(eye), place())
     assert [each.ok for each in found] == [True]
     np.testing.assert_allclose(origin_of(found[0].T_target_source), eye, atol=0.2)

@@ -22,9 +22,9 @@ from cgroup import InputError
 from cgroup.datasets import standin_pair
 from cgroup.io import read_cloud, write_cloud, write_correspondences, write_file, write_transform
 from cgroup.io._results import LIST, Results
+from cgroup.maps.map_files import save_arrays
 from cgroup.rigid import apply
 from cgroup.scenes import register_all
-from cgroup.scenes.map_files import save_arrays
 from cgroup.types import Correspondences
 
 POSIX = pytest.mark.skipif(sys.platform == "win32", reason="links, pipes and signals are Unix's")
@@ -309,7 +309,7 @@ HALF_SAVED = """
 import sys, time
 from pathlib import Path
 import numpy as np
-import cgroup.scenes.map_files as map_files
+import cgroup.maps.map_files as map_files
 map_files._check_of = lambda _: (print("ready", flush=True), time.sleep(600))
 map_files.save_arrays(Path(sys.argv[1]), {}, {"points": np.zeros((3, 3))})
 """

@@ -1,8 +1,8 @@
 """Many scans: their poses in one scene, scans in maps, and pose graphs."""
 
+from cgroup.maps.locate import locate
+from cgroup.maps.prepared_map import PreparedMap, prepare_map
 from cgroup.pose_graph import PoseGraph
-from cgroup.scenes.locate import locate
-from cgroup.scenes.maps import PreparedMap, prepare_map
 from cgroup.scenes.register_all import register_all
 from cgroup.scenes.scene import Edge, Scene
 

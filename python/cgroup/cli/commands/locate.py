@@ -17,10 +17,10 @@ from cgroup.cli.show.terminal import print_clouds, print_facts, print_line, prin
 from cgroup.errors import InputError
 from cgroup.io._files import check_outputs
 from cgroup.io._results import Results, check_folder, make_folder
+from cgroup.maps.locate import as_disk
+from cgroup.maps.map_files import check_new
 from cgroup.registration import Effort, Registration
 from cgroup.scenes import PreparedMap, locate, prepare_map
-from cgroup.scenes.locate import as_disk
-from cgroup.scenes.map_files import check_new
 
 _PLACES = (Column("place"), Column("probability"), Column("x"), Column("y"), Column("z"))
 

@@ -22,6 +22,8 @@ from cgroup._runtime.workers import count_workers, work_side_by_side
 from cgroup.errors import InputError
 from cgroup.features import Cloud
 from cgroup.features.voxels import choose_thinning
+from cgroup.maps.plan_view import Disk, find_layers
+from cgroup.maps.prepared_map import CELL, Level, PreparedMap
 from cgroup.registration import Registration
 from cgroup.registration.judge import (
     Case,
@@ -42,8 +44,6 @@ from cgroup.registration.scan import as_viewpoint
 from cgroup.registration.search import EFFORTS, RIVALS, Effort, Search
 from cgroup.registration.similarity import compare_scales
 from cgroup.rigid import apply
-from cgroup.scenes.maps import CELL, Level, PreparedMap
-from cgroup.scenes.plan_view import Disk, find_layers
 from cgroup.types import AnyCloud, BoolArray, FloatArray, IndexArray
 
 VOXELS = 1200

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,13 +19,15 @@ from cgroup._runtime.memory import report_refused_memory
 from cgroup._runtime.progress import as_stage_function, ignore_progress
 from cgroup.errors import InputError
 from cgroup.features import Cloud, DescribedCloud, Voxels
+from cgroup.maps.map_files import load_arrays, not_a_map, save_arrays
+from cgroup.maps.plan_view import PlanView, find_layers
 from cgroup.registration import DenseFront, PreparedScan
 from cgroup.registration.prepare import LEAST_VOXELS, UNIT, Preparation, assemble
 from cgroup.registration.scan import Scan, as_scan, as_surface, without_strays
-from cgroup.scenes.map_files import load_arrays, not_a_map, save_arrays
-from cgroup.scenes.plan_view import PlanView, find_layers
-from cgroup.scenes.scene import Scene
 from cgroup.types import AnyCloud, FloatArray, IndexArray, RealArray
+
+if TYPE_CHECKING:
+    from cgroup.scenes import Scene
 
 CELL = 8.0
 """Edge length of the cells of a map, in voxels."""
@@ -274,6 +276,8 @@ def prepare_map(
     ... )
     (True, True)
     """
+    from cgroup.scenes.scene import Scene  # noqa: PLC0415 - scenes shows the names of this room
+
     begin = as_stage_function(progress)
     begin("points")
     surface = as_surface("cloud", cloud.merged() if isinstance(cloud, Scene) else cloud)
