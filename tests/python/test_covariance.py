@@ -14,8 +14,10 @@ from cgroup.datasets.generated.worlds import make_world_pair
 from cgroup.errors import CgroupError, InputError
 from cgroup.registration import register
 from cgroup.registration.covariance import covariance_in, deviations_at
-from cgroup.registration.motions import adjoint, motion, say_motion, vector_of
-from cgroup.rigid import apply, axis_of, invert
+from cgroup.registration.motions import say_motion
+from cgroup.rigid import apply, invert
+from cgroup.rigid.se3 import adjoint, motion, vector_of
+from cgroup.rigid.transforms import axis_of
 
 if TYPE_CHECKING:
     from cgroup.types import FloatArray

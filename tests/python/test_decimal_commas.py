@@ -11,7 +11,7 @@ from hypothesis.extra.numpy import arrays
 from cgroup import InputError
 from cgroup.evaluation.result_files import PairPoses, read_results
 from cgroup.io import read_cloud, read_correspondences, read_transform, read_transforms
-from cgroup.rigid import turn
+from cgroup.rigid.transforms import turn
 
 SEPARATORS = [";", "; ", "\t", " ", "  ", " ;\t"]
 NUMBERS = st.floats(-1e7, 1e7).map(lambda x: round(x, 4))

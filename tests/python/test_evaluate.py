@@ -33,7 +33,8 @@ from cgroup.evaluation.result_files import (
 from cgroup.io import read_cloud, read_transforms, write_file
 from cgroup.io._logs import format_log
 from cgroup.pose_graph.files import motion_lines
-from cgroup.rigid import apply, invert, turn
+from cgroup.rigid import apply, invert
+from cgroup.rigid.transforms import turn
 from cgroup.scenes import PoseGraph
 from reference.redwood import redwood_error
 

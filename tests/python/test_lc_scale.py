@@ -11,7 +11,8 @@ from cgroup.datasets import MatchingProblem, make_problem
 from cgroup.datasets.demos import CorrespondenceFiles
 from cgroup.errors import InputError
 from cgroup.evaluation import rotation_error
-from cgroup.rigid import apply, split_scale
+from cgroup.rigid import apply
+from cgroup.rigid.transforms import split_scale
 from cgroup.types import FloatArray
 
 SHARES = {200: (0.1, 0.2), 1000: (0.025, 0.2), 2000: (0.02, 0.1)}

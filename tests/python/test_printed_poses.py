@@ -14,7 +14,8 @@ from cgroup._show.notebook import pose_html
 from cgroup._show.poses import pose_lines
 from cgroup.datasets import standin_pair
 from cgroup.io import read_cloud, write_cloud
-from cgroup.rigid import apply, invert, turn
+from cgroup.rigid import apply, invert
+from cgroup.rigid.transforms import turn
 from cgroup.types import FloatArray
 
 UTM = np.array([431_287.25, 5_412_093.5, 312.0])

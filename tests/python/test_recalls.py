@@ -14,7 +14,7 @@ from cgroup.evaluation import (
     registration_recall,
     rotation_error,
 )
-from cgroup.rigid import quaternions, turn
+from cgroup.rigid.transforms import quaternions, turn
 from reference import redwood
 
 ANGLES = st.one_of(

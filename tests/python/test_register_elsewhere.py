@@ -10,8 +10,8 @@ from test_register import EYE, SOURCE, TARGET, TRUTH, is_right, same_bits
 from cgroup import Correspondences, features
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.registration import Registration, prepare, refine, register
-from cgroup.registration.motions import motion
 from cgroup.rigid import apply, invert, rotation_error
+from cgroup.rigid.se3 import motion
 from strategies import FloatArray
 
 PR = features.resolution(SOURCE)

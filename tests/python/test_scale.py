@@ -13,7 +13,8 @@ from cgroup.datasets import open_dataset, standin_pair
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.registration import PaperFront, Registration, prepare, register
 from cgroup.registration.similarity import fit_similarity
-from cgroup.rigid import apply, check_rigid, scaling, split_scale
+from cgroup.rigid import apply, check_rigid
+from cgroup.rigid.transforms import scaling, split_scale
 from cgroup.types import PointCloud
 from strategies import random_motion
 

@@ -36,9 +36,9 @@ from cgroup.errors import NoConsensusError
 from cgroup.evaluation import match_errors, rotation_error, score_group, score_scene, translation_error
 from cgroup.evaluation.protocols import PROTOCOLS
 from cgroup.registration.matching import group_poses
-from cgroup.registration.motions import vector_of
 from cgroup.registry import METHOD_INFO
 from cgroup.rigid import apply, invert
+from cgroup.rigid.se3 import vector_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

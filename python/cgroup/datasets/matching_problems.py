@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cgroup.errors import InputError
-from cgroup.rigid import apply, turn
+from cgroup.rigid import apply
+from cgroup.rigid.transforms import turn
 from cgroup.types import Correspondences
 
 if TYPE_CHECKING:

@@ -17,7 +17,8 @@ from cgroup.datasets.pose_lists import manifest_pairs
 from cgroup.errors import InputError
 from cgroup.io import read_cloud
 from cgroup.io._files import load_text
-from cgroup.rigid import invert, turn
+from cgroup.rigid import invert
+from cgroup.rigid.transforms import turn
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -16,7 +16,8 @@ from cgroup._checks.values import as_length, as_number
 from cgroup.errors import InputError
 from cgroup.evaluation.ground_truth import match_errors
 from cgroup.evaluation.scenes import as_labels, ecdf
-from cgroup.rigid import check_rigid, quaternions
+from cgroup.rigid import check_rigid
+from cgroup.rigid.transforms import quaternions
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

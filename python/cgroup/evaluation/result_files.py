@@ -24,7 +24,8 @@ from cgroup.io._names import find_names, last_numbers, names_file
 from cgroup.io._numpy_files import read_arrays
 from cgroup.io.transforms import find_poses, read_transforms
 from cgroup.pose_graph.files import parse_json, parse_text
-from cgroup.rigid import are_rigid, check_rigid
+from cgroup.rigid import check_rigid
+from cgroup.rigid.transforms import are_rigid
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

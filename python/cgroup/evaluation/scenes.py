@@ -11,7 +11,7 @@ import numpy as np
 from cgroup._checks.arrays import as_floats, as_rows
 from cgroup._checks.values import refusal
 from cgroup.errors import InputError
-from cgroup.rigid import angles
+from cgroup.rigid.transforms import angles
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -14,7 +14,8 @@ import numpy as np
 from cgroup.errors import InputError
 from cgroup.io._content import CloudContent, join
 from cgroup.io._files import check_growth, read_content
-from cgroup.rigid import apply, turn
+from cgroup.rigid import apply
+from cgroup.rigid.transforms import turn
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -12,7 +12,7 @@ from cgroup._checks.quoting import cut, escape
 from cgroup.errors import InputError
 from cgroup.io._files import load_json, number_lines
 from cgroup.io._names import list_names
-from cgroup.rigid import quaternions, turn
+from cgroup.rigid.transforms import quaternions, turn
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

@@ -28,7 +28,7 @@ from cgroup.pose_graph.files import (
     singular,
     trust_steps,
 )
-from cgroup.rigid import as_poses
+from cgroup.rigid.transforms import as_poses
 
 _KINDS = {"numbers": np.float64, "whole numbers": np.int64, "truth values": np.bool_}
 

@@ -9,9 +9,10 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from cgroup.registration.motions import OPEN, Resistance, about, adjoint, motion, resistance, vector_of
+from cgroup.registration.motions import OPEN, Resistance, resistance
 from cgroup.registration.prepare import UNIT, PreparedScan, fine_surfaces
 from cgroup.rigid import apply, invert
+from cgroup.rigid.se3 import about, adjoint, motion, vector_of
 from cgroup.types import FloatArray
 from cgroup.verification import Alignment
 from cgroup.verification.alignment import align_each

@@ -14,9 +14,10 @@ import numpy as np
 from cgroup._runtime.cached import cached_property
 from cgroup.registration.evidence import Evidence
 from cgroup.registration.matching import turn_matches
-from cgroup.registration.motions import adjoint, say_motion
+from cgroup.registration.motions import say_motion
 from cgroup.registration.prepare import LEAST_VOXELS, UNIT, PreparedScan
 from cgroup.rigid import apply, invert
+from cgroup.rigid.se3 import adjoint
 from cgroup.types import Agreement, BoolArray, Correspondences, FloatArray, Grouping, IndexArray, Rule
 from cgroup.verification import Alignment
 from cgroup.verification.schedule import DIFFERENT_DEGREES, DIFFERENT_UNITS

@@ -11,9 +11,9 @@ from cgroup import features
 from cgroup._checks.values import as_length, refusal
 from cgroup.errors import InputError
 from cgroup.features.voxels import thin
-from cgroup.registration.motions import motion
 from cgroup.registration.prepare import UNIT, PreparedScan
 from cgroup.rigid import apply, check_rigid
+from cgroup.rigid.se3 import motion
 from cgroup.types import BoolArray, FloatArray
 from cgroup.verification import Surface, verify
 

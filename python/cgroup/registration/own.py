@@ -16,7 +16,7 @@ from cgroup.features.matching import as_descriptors
 from cgroup.features.voxels import thin
 from cgroup.registration.matching import frame_poses
 from cgroup.registration.prepare import UNIT, PreparedScan
-from cgroup.rigid import are_rigid
+from cgroup.rigid.transforms import are_rigid
 from cgroup.types import Correspondences, IndexArray, RealArray, own_correspondences
 
 _ROWS = "give Correspondences, or (i, j): rows of matched points, such as rows.T of an (n,2) array"

@@ -22,7 +22,8 @@ from cgroup.registration.covariance import (
 )
 from cgroup.registration.judge import Found, Judgement
 from cgroup.registration.matching import scale_matches
-from cgroup.rigid import apply, split_scale
+from cgroup.rigid import apply
+from cgroup.rigid.transforms import split_scale
 from cgroup.types import AnyCloud, Correspondences, FloatArray, Grouping, PointCloud, as_cloud
 
 SCAN_COLORS = (230, 159, 0), (0, 114, 178)

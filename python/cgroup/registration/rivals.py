@@ -6,9 +6,10 @@ import itertools
 
 import numpy as np
 
-from cgroup.registration.motions import motion, resistance
+from cgroup.registration.motions import resistance
 from cgroup.registration.prepare import PreparedScan
 from cgroup.rigid import apply
+from cgroup.rigid.se3 import motion
 from cgroup.types import FloatArray
 
 _STEP, _FIRST, _LAST = 4.0, 10.0, 62.0  # of slides, in voxels

@@ -36,7 +36,7 @@ from cgroup.registration.result import Registration, registration_of
 from cgroup.registration.scan import ViewDirection
 from cgroup.registration.search import Search
 from cgroup.registration.similarity import Similarity, fit_similarity
-from cgroup.rigid import scaling
+from cgroup.rigid.transforms import scaling
 from cgroup.types import FloatArray
 
 WITHIN = 3.0

@@ -10,9 +10,11 @@ import numpy as np
 from cgroup import _core
 from cgroup._checks.run_options import run_options
 from cgroup.registration.judge import Found, is_accepted
-from cgroup.registration.motions import OPEN, motion
+from cgroup.registration.motions import OPEN
 from cgroup.registration.prepare import PreparedScan
-from cgroup.rigid import apply, cross_products, scaling, split_scale
+from cgroup.rigid import apply
+from cgroup.rigid.se3 import motion
+from cgroup.rigid.transforms import cross_products, scaling, split_scale
 from cgroup.types import FloatArray
 
 BEND = 6.0

@@ -6,8 +6,7 @@ import itertools
 
 import numpy as np
 
-from cgroup.registration.motions import adjoint, cross
-from cgroup.rigid import axis_of
+from cgroup.rigid.se3 import adjoint, cross, rotation_vectors
 from cgroup.types import FloatArray, IndexArray
 
 DISAGREES = 22.46
@@ -19,18 +18,6 @@ TURN, SHIFT = np.radians(1.0), 0.5
 _BY_CHANCE = 0.02  # share of the triangles of wrong poses that close
 _SUREST, _LEAST = 0.99, 0.01
 _ROUNDS = 10
-_FADED = 1e-9  # sine below which it is rounding
-
-
-def rotation_vectors(rotations: FloatArray) -> FloatArray:
-    """Return the vector of each rotation, (n,3)."""
-    sines = (rotations - rotations.transpose(0, 2, 1))[:, [2, 0, 1], [1, 2, 0]] / 2
-    sine, cosine = np.linalg.norm(sines, axis=1), (np.trace(rotations, axis1=1, axis2=2) - 1) / 2
-    vectors = sines * (np.arctan2(sine, cosine) / np.maximum(sine, 1e-300))[:, None]
-    vectors[sine < _FADED] = sines[sine < _FADED]
-    for row in np.flatnonzero((sine < _FADED) & (cosine < 0)):  # half a turn, which sines don't tell
-        vectors[row] = np.pi * axis_of(rotations[row])
-    return vectors
 
 
 def squared_errors(

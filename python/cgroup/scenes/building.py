@@ -11,9 +11,9 @@ from cgroup._runtime.progress import StageClock, ignore_progress
 from cgroup.pose_graph import PoseGraph
 from cgroup.registration import PreparedScan
 from cgroup.registration.judge import SURE, is_accepted
-from cgroup.registration.motions import adjoint
 from cgroup.registration.search import Effort
 from cgroup.rigid import invert
+from cgroup.rigid.se3 import adjoint
 from cgroup.scenes.agreement import DISAGREES, SHIFT, TURN, weigh_by_triangles
 from cgroup.scenes.decide import FIRM, Decision, anchor, decide, follow_best, graph_of, weigh_residuals
 from cgroup.scenes.join import Join, cross_tasks, link_unions, propose_joins, task_of, weigh_join

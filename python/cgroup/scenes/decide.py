@@ -10,8 +10,8 @@ import numpy as np
 from cgroup.pose_graph import PoseGraph
 from cgroup.registration.covariance import covariance_in
 from cgroup.registration.judge import ACCEPTED
-from cgroup.registration.motions import about
 from cgroup.rigid import invert
+from cgroup.rigid.se3 import about
 from cgroup.scenes.agreement import SHIFT, TURN, squared_errors, weigh_by_triangles
 from cgroup.scenes.links import Link
 from cgroup.types import BoolArray, FloatArray, IndexArray

@@ -11,8 +11,8 @@ from cgroup.registration import PreparedScan
 from cgroup.registration.confirm import confirm_pose
 from cgroup.registration.covariance import covariance_of
 from cgroup.registration.judge import Found, bound_by_motions, is_accepted, share_probability
-from cgroup.registration.motions import adjoint
 from cgroup.registration.search import Effort, Search
+from cgroup.rigid.se3 import adjoint
 from cgroup.types import FloatArray
 
 

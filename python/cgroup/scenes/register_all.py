@@ -28,7 +28,7 @@ from cgroup.registration.prepare import Given, agree, as_given
 from cgroup.registration.register import as_pairs, as_viewpoints
 from cgroup.registration.scan import MAX_SIZE_RATIO, as_viewpoint
 from cgroup.registration.search import EFFORTS, Effort
-from cgroup.rigid import as_poses
+from cgroup.rigid.transforms import as_poses
 from cgroup.scenes.building import SceneBuilder
 from cgroup.scenes.scene import Scene
 from cgroup.scenes.workers import open_workers

@@ -11,7 +11,7 @@ from cgroup._checks.arrays import as_floats
 from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_instance, as_length
 from cgroup.errors import InputError
-from cgroup.rigid import as_poses
+from cgroup.rigid.transforms import as_poses
 from cgroup.types import Correspondences, FloatArray, IndexArray
 from cgroup.verification.surface import Surface, core_surfaces
 

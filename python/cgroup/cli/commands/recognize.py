@@ -24,7 +24,8 @@ from cgroup.io._files import check_outputs
 from cgroup.io._results import Results
 from cgroup.registration import recognize
 from cgroup.registration.motions import say_direction
-from cgroup.rigid import apply, axis_of, rotation_error
+from cgroup.rigid import apply, rotation_error
+from cgroup.rigid.transforms import axis_of
 
 if TYPE_CHECKING:
     from cgroup.types import FloatArray, RealArray

@@ -38,7 +38,8 @@ from cgroup.io._files import check_outputs
 from cgroup.io._results import Results
 from cgroup.registration import DenseFront, Effort, PaperFront, Registration, assess, register
 from cgroup.registration.motions import say_direction
-from cgroup.rigid import apply, axis_of, invert, split_scale
+from cgroup.rigid import apply, invert
+from cgroup.rigid.transforms import axis_of, split_scale
 from cgroup.types import FloatArray, PointCloud
 
 Front = Literal["dense", "paper"]

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cgroup.datasets.generated.scanner import Mesh
-from cgroup.rigid import turn
+from cgroup.rigid.transforms import turn
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -1,8 +1,4 @@
-"""Rigid transforms: 4x4 matrices of column vectors, p' = R p + t.
-
-``T_target_source`` maps points of the source into the frame of the target. Transforms are chained by the
-matrix product: ``T_map_scan2 @ T_scan2_scan1`` maps scan 1 into the map.
-"""
+"""Rigid transforms: apply, invert, check, compare and convert them."""
 
 from __future__ import annotations
 
@@ -13,15 +9,6 @@ from cgroup._checks.array_types import BoolArray, FloatArray, RealArray
 from cgroup._checks.arrays import as_floats, real_points
 from cgroup._checks.values import as_instance
 from cgroup.errors import InputError
-
-__all__ = [
-    "RIGID_TOLERANCE",
-    "apply",
-    "check_rigid",
-    "invert",
-    "rotation_error",
-    "translation_error",
-]
 
 RIGID_TOLERANCE = 1e-3
 """Largest deviation of R^T R from the identity in a transform file; such files carry few digits."""
