@@ -170,9 +170,7 @@ def test_a_pose_that_leaves_two_motions_open_is_not_trusted(motions: int) -> Non
 def test_a_pose_is_accepted_from_one_half(share: float, ok: bool) -> None:
     judgement = judge(found(probability=share, alternatives=np.empty((0, 4, 4))), SCAN, SCAN)
     assert judgement.ok == ok
-    words = (
-        f"probability of {share:.2f} only: it lays 80 % of the source on the target and 600 of 900 matches"
-    )
+    words = f"probability of only {share:.2f}: 80 % of the source overlaps the target, and 600 of 900 matches agree"
     assert (words in judgement.reason) != ok
 
 

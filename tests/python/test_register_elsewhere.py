@@ -156,7 +156,7 @@ def test_a_wrong_pose_is_refused_with_the_reason() -> None:
     assert not told.ok
     assert told.notes[0].startswith("the best pose is right with a probability of")
     assert "matches" not in told.notes[0]
-    with pytest.raises(NoConsensusError, match="lays nothing together"):
+    with pytest.raises(NoConsensusError, match="do not overlap"):
         refine(SOURCE, TARGET, near_truth(0, 20.0))
 
 

@@ -198,7 +198,7 @@ def test_nothing_to_fit_is_none() -> None:
         ("any", "scale: got 'any'"),
         ((2.0, 1.0), "give the least scale first"),
         ((0.0, 1.0), "scale: got 0.0; give a finite number greater than 0"),
-        ((10.0, 20.0), "the clouds' sizes speak for"),
+        ((10.0, 20.0), "the clouds' sizes give"),
     ],
 )
 def test_bounds_are_checked(scale: Any, message: str) -> None:

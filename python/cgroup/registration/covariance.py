@@ -1,4 +1,4 @@
-"""How precisely a pose is known: its covariance, and that of the conventions of other libraries.
+"""The covariance of a pose, also in the conventions of other libraries.
 
 The coefficients were chosen on generated worlds, whose poses are exact (see `docs/registration.md`).
 """
@@ -22,22 +22,22 @@ Convention: TypeAlias = Literal["gtsam", "g2o", "ros"]
 CONVENTIONS: tuple[Convention, ...] = ("gtsam", "g2o", "ros")
 
 INDEPENDENT, ALIKE = 1500.0, 2.5
-"""Residuals that err independently, however many there are; neighbours that err alike, where few are."""
+"""Largest number of independent residuals; number of neighbours with equal errors if there are few."""
 
 LEAST_DEVIATION = 0.01
-"""Standard deviation of the residuals at the least, in voxels."""
+"""Least standard deviation of the residuals, in voxels."""
 
 DISPLACED, SAMPLES = 1.0, 300
-"""Voxels by which the pose is displaced, and samples of either surface that then pull it back."""
+"""Displacement of the pose in voxels, and samples of either surface that then pull it back."""
 
 LEFT = 0.1
-"""Weight of what is left of each displacement."""
+"""Weight of the remainder of each displacement."""
 
 NOT_PULLED_BACK = 0.5
-"""Share of a displacement that is left where a motion is open."""
+"""Remaining share of a displacement from which a motion is open."""
 
 ROUNDS, MORE_SAMPLES = 3, 1000
-"""Refinements, and samples of either surface, that pull a displaced pose back where little resists."""
+"""Refinements and samples of either surface that pull back a pose displaced along a weak motion."""
 
 _LEAST_RESISTANCE = 1e-6
 
@@ -45,9 +45,8 @@ _LEAST_RESISTANCE = 1e-6
 def count_open_motions(found: Alignment, source: PreparedScan, target: PreparedScan) -> int:
     """Return the number of motions that the surfaces leave open: 3 for a plane, 1 for a corridor.
 
-    A motion is open if it is hardly resisted, and if refining does not undo a displacement of a voxel along
-    it. Normals of a rough plane seem to resist, but pull nowhere; a shallow relief resists as little, but
-    pulls the pose back.
+    A motion is open if the surfaces hardly resist it, and if refining does not undo a displacement of a voxel
+    along it. Normals of a rough plane seem to resist it but do not pull the pose back; a shallow relief does.
     """
     pose = found.T_target_source
     resisted = resistance(found.information, apply(pose, source.voxels.points))
@@ -62,10 +61,10 @@ def covariance_of(found: Alignment, source: PreparedScan, target: PreparedScan) 
     """Return the covariance of a refined pose, (6,6): of (rotation vector, translation), the target's frame.
 
     ``(s^2 + (0.01 v)^2) (W / 1500 + 2.5) H^-1 + 0.1 sum_k x_k x_k^T``: s the root mean square of the
-    residuals, v the voxel, H and W the matrix and the weight of a point-to-plane step, x_k what is left of a
+    residuals, v the voxel, H and W the matrix and the weight of a point-to-plane step, x_k the remainder of a
     displacement by a voxel, to either side along each eigenvector of H, after refining again (after M.
     Brossard, S. Bonnabel and A. Barrau, *A new approach to 3D ICP covariance estimation*, RA-L 2020). Along
-    an open motion the pose may lie anywhere within 8 voxels: farther ones are weighed as its rivals.
+    an open motion the pose may lie anywhere within 8 voxels; farther poses are its rivals.
     """
     pose, voxel = found.T_target_source, source.voxel
     resisted = resistance(found.information, apply(pose, source.voxels.points))
@@ -89,7 +88,7 @@ def _displace(
     samples: int,
     rounds: int,
 ) -> FloatArray:
-    """Return what refining leaves of displacements by a voxel along k motions to both sides, (2k,6)."""
+    """Return the remainders of displacements by a voxel along k motions to both sides, (2k,6)."""
     steps = DISPLACED * source.voxel * np.concatenate([resisted.motions, -resisted.motions])
     poses = motion(steps, resisted.middle) @ pose
     for _ in range(rounds):
@@ -99,13 +98,13 @@ def _displace(
 
 
 def _share_left(left: FloatArray, resisted: Resistance, voxel: float) -> FloatArray:
-    """Return the share that is left of each displacement, on average of both sides, (k,)."""
+    """Return the remaining share of each displacement, averaged over both sides, (k,)."""
     lengths = np.linalg.norm(left / resisted.scale, axis=1)
     return lengths.reshape(2, -1).mean(axis=0) / (DISPLACED * voxel)
 
 
 def deviations_at(covariance: FloatArray, place: FloatArray) -> tuple[float, float]:
-    """Return standard deviations of a pose: of its turn in degrees, and of a place of the target's frame."""
+    """Return standard deviations of a pose: of its rotation in degrees, and at a place of the target."""
     change = about(place)
     turned, moved = np.diagonal(change @ covariance @ change.T).reshape(2, 3).sum(axis=1) ** 0.5
     return float(np.degrees(turned)), float(moved)

@@ -1,8 +1,8 @@
-"""What speaks for a pose beside its score: shape that agrees, planes that agree, free space that is crossed.
+"""Evidence for a pose beside its score: agreeing shape, agreeing planes, and free-space violations.
 
-A floor and two walls lie on any other corner. So planes count once each, however large they are, and only
-from the fifth on: three fix a pose, and where all is boxes a fourth is soon found. What lies by no plane
-counts by cells of four voxels, whose samples go wrong together.
+A floor and two walls fit any other corner. So each plane counts once, whatever its size, and only from the
+fifth on: three fix a pose, and among boxes a fourth is found by chance. Other points count by cells of four
+voxels, whose samples have correlated errors.
 """
 
 from __future__ import annotations
@@ -18,21 +18,20 @@ from cgroup.types import FloatArray
 from cgroup.verification import FineSurface, Place, places
 from cgroup.verification.alignment import plane_distances
 
-_ON = 0.75  # spacings of the fine surfaces between a sample's plane and a surface that it lies on
+_ON = 0.75  # largest distance of a sample's plane from the other surface, in spacings
 
 
 class Evidence(NamedTuple):
-    """What speaks for a pose, both ways.
+    """Evidence for a pose, in both directions.
 
     Attributes
     ----------
     cells : float
-        Cells off all planes where most of one fine surface lies on the other.
+        Cells off all planes in which most of one fine surface agrees with the other.
     planes : int
-        Independent planes that the pose lays on planes.
+        Independent planes that the pose aligns with planes.
     crossed : float
-        Share of what is seen in both scans that stands in the other's free space; NaN where no viewpoint is
-        known.
+        Share of the points seen in both scans that violate the other's free space; NaN without viewpoints.
     """
 
     cells: float
@@ -60,7 +59,7 @@ def gather(source: PreparedScan, target: PreparedScan, pose: FloatArray) -> Evid
 
 
 def _count_cells(scan: PreparedScan, surface: FineSurface, distances: FloatArray) -> int:
-    """Count cells most of whose samples lie on the other surface, of those near it."""
+    """Count the cells of which most samples near the other surface lie on it."""
     cells = scan.cells(surface)
     near = np.isfinite(distances) & (cells >= 0)
     on = near & (distances < _ON * surface.spacing)
@@ -69,7 +68,7 @@ def _count_cells(scan: PreparedScan, surface: FineSurface, distances: FloatArray
 
 
 def _look(one: PreparedScan, other: PreparedScan, pose: FloatArray) -> tuple[int, int]:
-    """Count voxels in the other's free space, and those seen at all."""
+    """Count the voxels in the other's free space, and all that are seen."""
     where = places(one.surface, other.surface, pose, threads=one.threads)
     crossed = int((where == Place.IN_FRONT).sum())
     return crossed, crossed + int(((where == Place.ON) | (where == Place.OFF)).sum())

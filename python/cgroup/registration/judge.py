@@ -1,4 +1,4 @@
-"""Judge poses: which one is best, how likely it is right, whether it can be trusted, and why not.
+"""Judge poses: rank them, estimate their probability, accept or reject them with reasons.
 
 The coefficients were fitted on generated worlds and half of the pairs of real scans (see
 `docs/registration.md`).
@@ -23,34 +23,34 @@ from cgroup.verification import Alignment
 from cgroup.verification.schedule import DIFFERENT_DEGREES, DIFFERENT_UNITS
 
 ACCEPTED = 0.5
-"""Probability from which a pose is held to be right."""
+"""Probability from which a pose is accepted."""
 
 SURE = 0.9
-"""Probability from which no better pose is sought."""
+"""Probability from which the search ends."""
 
 GROUP_WITHIN = 2.0
 """Residual in voxels within which a match belongs to the verified group."""
 
 MOST_OPEN_MOTIONS = 1
-"""Motions that may be open: along a corridor a pose is still of use."""
+"""Largest number of open motions: along a corridor a pose is still useful."""
 
 MOST_MATCHES = 20
-"""Matches beyond which more of them tell nothing."""
+"""Number of matches beyond which more add no evidence."""
 
 LEAST_NOISE = 0.02
-"""What a surface's points are from its planes at the least, in voxels."""
+"""Least deviation of a surface's points from its planes, in voxels."""
 
 CROSSED_BY_CHANCE = 0.02
 """Share in free space that noise and coarse rings explain."""
 
 PLANES_BY_CHANCE, MOST_FURTHER_PLANES = 4, 3
-"""Planes that wrong poses too lay together, and how many further ones count at most."""
+"""Number of planes that wrong poses align too, and largest number of further ones that count."""
 
 LEAD_BY_CHANCE = 1.0
 """Nats by which the best of equal poses leads."""
 
 MOST_REPEATS = 0.01
-"""Share of a cloud's points beyond which points that repeat others are noted."""
+"""Share of repeated points from which a note is added."""
 
 AS_GOOD = 0.3
 """Share of the best pose's probability from which another one counts as an alternative."""
@@ -68,25 +68,25 @@ class Found:
     Attributes
     ----------
     refined : Alignment
-        The best one, refined on the fine surfaces.
+        The best pose, refined on the fine surfaces.
     alternatives : (k,4,4) array of float64
         Other poses that share the probability.
     probability : float
         That it is right.
     fitness, target_fitness : float
-        Shares of the source's surface that lies on the target's, and of the target's on the source's.
+        Shares of the source's and of the target's surface that overlap the other.
     matches : Correspondences
         Every match of the search.
     source, target : PreparedScan
-        The scans, at the voxel where it was found.
+        The scans, at the voxel of the search.
     motions : int
-        That the surfaces leave open.
+        Number of open motions.
     cases : tuple of Case
-        What speaks for the pose, and for its rivals.
+        Evidence for the pose, and for its rivals.
     places : (c,4,4) array of float64
         The poses of these.
     better_scale : float
-        Of the source, that fits clearly better than 1; 1 where none does.
+        Scale of the source that fits clearly better than 1, or 1.
     """
 
     refined: Alignment
@@ -103,7 +103,7 @@ class Found:
     better_scale: float = 1.0
 
     def turned(self) -> Found:
-        """Return the same with source and target in each other's place."""
+        """Swap source and target."""
         pose = self.refined.T_target_source
         back, change = invert(pose), adjoint(pose)  # T^-1 = Exp(-Ad(T^-1) x) T_found^-1
         open_motion = self.refined.open_motion
@@ -126,7 +126,7 @@ class Found:
 
     @cached_property
     def grouping(self) -> Grouping:
-        """The matches that the pose lays together."""
+        """The matches that agree with the pose."""
         matches, pose, within = self.matches, self.refined.T_target_source, GROUP_WITHIN * self.source.voxel
         residuals = np.linalg.norm(apply(pose, matches.source) - matches.target, axis=1)
         positions = (matches.source, matches.target)
@@ -143,7 +143,7 @@ class Found:
 
 @dataclass(frozen=True)
 class Judgement:
-    """Whether a pose can be trusted, how likely it is right, why not, and what a user should know of it."""
+    """Whether a pose is accepted, its probability, the reason of a rejection, and notes for the user."""
 
     ok: bool
     probability: float
@@ -159,7 +159,7 @@ def judge(
     *,
     scaled: bool = False,
 ) -> Judgement:
-    """Judge what a search in two scans has found, if anything; `scaled` where the scale was sought."""
+    """Judge the result of a search in two scans; `scaled` if the scale was estimated."""
     if found is None:
         reason = "no pose could be proposed" + ("" if axis is None else " that keeps the axis")
         reason = f"{reason}; {_remedy(source, target, axis, scaled=scaled)}"
@@ -176,22 +176,22 @@ def judge(
 
 
 def is_accepted(probability: float) -> bool:
-    """Whether a pose is held to be right."""
+    """Whether a pose is accepted."""
     return probability >= ACCEPTED
 
 
 def is_sure(probability: float) -> bool:
-    """Whether a pose is so likely right that no better one is sought."""
+    """Whether a pose is so probable that the search ends."""
     return probability >= SURE
 
 
 def rank(
     scores: FloatArray, evidence: IndexArray, alignments: Sequence[Alignment], voxel: float
 ) -> FloatArray:
-    """Value of each pose, the best has the highest: ``ln s + 0.75 ln(1 + min(m, 20)) - 3 ln(c + 0.1)``.
+    """Return the value of each pose, higher is better: ``ln s + 0.75 ln(1 + min(m, 20)) - 3 ln(c + 0.1)``.
 
-    s is the score of the surfaces, m the number of matches that the pose lays together, and c the 9th
-    decile of the distances between the fine surfaces over what noise and curvature explain (`misfit`).
+    s is the score of the surfaces, m the number of matches that agree with the pose, and c the 9th decile of
+    the distances between the fine surfaces over the deviation by noise and curvature (`misfit`).
     """
     misfits = np.array([misfit(found, voxel) for found in alignments])
     support = np.log1p(np.minimum(evidence, MOST_MATCHES))
@@ -204,7 +204,7 @@ def rank(
 
 
 def misfit(found: Alignment, voxel: float) -> float:
-    """9th decile of the distances between two surfaces, each over the deviation of the points around it."""
+    """Return the 9th decile of the residuals, each over the deviation of the points around it."""
     if len(found.residuals) == 0:
         return _NOTHING_PAIRED
     expected = np.hypot(found.deviations, LEAST_NOISE * voxel)
@@ -213,7 +213,7 @@ def misfit(found: Alignment, voxel: float) -> float:
 
 @dataclass(frozen=True)
 class Case:
-    """What speaks for one pose: score of the surfaces, matches laid together, misfit, and other evidence."""
+    """Evidence for one pose: score of the surfaces, agreeing matches, normalized residual, and more."""
 
     score: float
     support: int
@@ -222,7 +222,7 @@ class Case:
 
     @property
     def support_nats(self) -> float:
-        """Logarithm of the matches that the pose lays together; many tell little more than some."""
+        """Logarithm of the number of agreeing matches, which saturates."""
         return float(np.log1p(min(self.support, MOST_MATCHES)))
 
     @property
@@ -232,17 +232,17 @@ class Case:
 
     @property
     def misfit_nats(self) -> float:
-        """Logarithm of the misfit; surfaces that lie closer than their noise tell nothing."""
+        """Logarithm of the misfit; residuals below the noise add nothing."""
         return float(np.log(max(self.misfit, 1.0)))
 
     @property
     def crossed_nats(self) -> float:
-        """Logarithm of the share in free space; 0 where none is, or no viewpoint is known."""
+        """Logarithm of the share in free space; 0 for none, or without viewpoints."""
         return float(np.log1p(np.nan_to_num(self.evidence.crossed) / CROSSED_BY_CHANCE))
 
     @property
     def further_planes(self) -> int:
-        """Planes that agree beyond those that any refined pose lays together."""
+        """Number of agreeing planes beyond those of any refined pose."""
         return int(np.clip(self.evidence.planes - PLANES_BY_CHANCE, 0, MOST_FURTHER_PLANES))
 
     @property
@@ -252,7 +252,7 @@ class Case:
 
 
 def weigh(case: Case) -> float:
-    """Evidence for a pose in nats, to be compared with that for another pose of the same scans."""
+    """Return the evidence for a pose in nats, to be compared with other poses of the same scans."""
     return (
         4.0 * case.score_nats
         + 0.5 * case.support_nats
@@ -264,7 +264,7 @@ def weigh(case: Case) -> float:
 
 
 def lead_over_chance(case: Case) -> float:
-    """By how many nats the evidence for a pose exceeds what scans of two places have by chance."""
+    """Return the lead of a pose in nats over poses of unrelated scans by chance."""
     could_be_refuted = not np.isnan(case.evidence.crossed)
     return (
         2.0 * case.score_nats
@@ -279,8 +279,8 @@ def lead_over_chance(case: Case) -> float:
 def share_probability(best: Case, rivals: Sequence[Case], scales: int = 1) -> tuple[float, FloatArray]:
     """Share probability among the best pose, its rivals, and none of these.
 
-    The best of equal poses leads by chance, so that a rival shares until the lead is above `LEAD_BY_CHANCE`.
-    "None of these" counts once for each scale that was tried: the more freedom, the more lies on each other.
+    The best of equal poses leads by chance, so a rival has a full share until the lead exceeds
+    `LEAD_BY_CHANCE`. "None of these" counts once per tried scale, as more freedom fits more by chance.
 
     Returns
     -------
@@ -297,25 +297,25 @@ def share_probability(best: Case, rivals: Sequence[Case], scales: int = 1) -> tu
 
 
 def are_alternatives(probability: float, shares: FloatArray) -> BoolArray:
-    """Tell the rivals that count as alternatives to the best pose: those nearly as good.
+    """Return the mask of rivals with at least 30 % of the best pose's probability.
 
-    Where none of the places is likely, they are no alternatives to each other.
+    It is empty if all of them together are not accepted.
     """
     return (shares >= AS_GOOD) & is_accepted(probability * (1.0 + float(shares.sum())))
 
 
 def bound_by_size(probability: float, *scans: PreparedScan) -> float:
-    """Lower the probability where a cloud has so few voxels that unrelated ones fit by chance."""
+    """Lower the probability for clouds of few voxels, which unrelated ones fit by chance."""
     return probability * min(1.0, min(len(scan) for scan in scans) / LEAST_VOXELS)
 
 
 def bound_by_motions(probability: float, motions: int) -> float:
-    """Bound the probability of a pose that leaves motions open: along each lie poses as good."""
+    """Bound the probability of a pose with open motions, along which other poses are as good."""
     return probability if motions <= MOST_OPEN_MOTIONS else min(probability, 1.0 / (1 + motions))
 
 
 def differ(poses: FloatArray, best: int, center: FloatArray, voxel: float) -> BoolArray:
-    """Tell the poses that differ from one, as in `Verification.margin`: by 10 degrees, or 8 voxels."""
+    """Return the mask of poses that differ from one, as in `Verification.margin`: 10 degrees or 8 voxels."""
     rotations = poses[:, :3, :3]
     cosines = (np.einsum("nij,ij->n", rotations, rotations[best]) - 1) / 2
     centers = rotations @ center + poses[:, :3, 3]
@@ -324,7 +324,7 @@ def differ(poses: FloatArray, best: int, center: FloatArray, voxel: float) -> Bo
 
 
 def choose_apart(poses: FloatArray, center: FloatArray, voxel: float) -> list[int]:
-    """Choose the poses that differ from all before them."""
+    """Return the rows of the poses that differ from all chosen before them."""
     chosen: list[int] = []
     left = np.ones(len(poses), dtype=bool)
     while left.any():
@@ -334,7 +334,7 @@ def choose_apart(poses: FloatArray, center: FloatArray, voxel: float) -> list[in
 
 
 def _explain(found: Found, open_motions: str) -> str:
-    """Say why a pose is not accepted."""
+    """Return the reason why a pose is rejected."""
     if open_motions:
         return open_motions
     if found.better_scale != 1.0:
@@ -346,10 +346,10 @@ def _explain(found: Found, open_motions: str) -> str:
             f"{found.probability:.2f}"
         )
     total = len(found.matches)
-    matched = f" and {found.grouping.size} of {total} matches together" if total else ""
+    matched = f", and {found.grouping.size} of {total} matches agree" if total else ""
     return (
-        f"the best pose is right with a probability of {found.probability:.2f} only: it lays "
-        f"{100 * found.fitness:.0f} % of the source on the target{matched}"
+        f"the best pose is right with a probability of only {found.probability:.2f}: "
+        f"{100 * found.fitness:.0f} % of the source overlaps the target{matched}"
     )
 
 
@@ -376,7 +376,7 @@ def _count_repeats(scan: PreparedScan) -> str:
 
 
 def _find_rounded(*scans: PreparedScan) -> list[str]:
-    """Say whose coordinates have lost digits."""
+    """Return remarks on coordinates that have lost digits."""
     return [
         f"{scan.scan.name}: coordinates of single precision lie {scan.scan.rounding:.2g} apart so far from "
         "the origin, too much for its points: give float64, or subtract an offset before they are rounded"
@@ -386,7 +386,7 @@ def _find_rounded(*scans: PreparedScan) -> list[str]:
 
 
 def _find_layers(*scans: PreparedScan) -> list[str]:
-    """Say from which viewpoints points lie behind each other."""
+    """Return remarks on viewpoints from which points lie behind each other."""
     layered: list[str] = []
     for scan in scans:
         if not scan.shows_layers:
@@ -403,7 +403,7 @@ def _find_layers(*scans: PreparedScan) -> list[str]:
 
 
 def _remedy(source: PreparedScan, target: PreparedScan, axis: FloatArray | None, *, scaled: bool) -> str:
-    """Say what may be wrong, and what else could be given."""
+    """Return the likely cause of a failure, and a further argument to give."""
     rounded = _find_rounded(source, target)
     if rounded:
         return rounded[0]
@@ -422,8 +422,8 @@ def _remedy(source: PreparedScan, target: PreparedScan, axis: FloatArray | None,
     causes += "" if len(unseen) == 2 else ", or a viewpoint may be wrong"
     if len(unseen) == 2:
         return (
-            f"{causes}; if each is a single scan, say where the scanner stood by `viewpoint`, or where it "
-            "looked by `view_direction`"
+            f"{causes}; if each is a single scan, give the scanner's position as `viewpoint`, or its "
+            "`view_direction`"
         )
     if unseen:
         return f"{causes}; if the {unseen[0]} is a single scan, give `{unseen[0]}_viewpoint` too"

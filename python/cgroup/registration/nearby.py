@@ -1,4 +1,4 @@
-"""Starts near a rough pose, from a grid to the few that lie well on coarse surfaces."""
+"""Starts near a rough pose: a grid, reduced to the few that fit on coarse surfaces."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from cgroup.types import BoolArray, FloatArray
 from cgroup.verification import Surface, verify
 
 ANGLE, RADIUS = 15.0, 0.2
-"""Degrees that a rough pose may be off by, and share of the source's diagonal, where nothing is told."""
+"""Default error of a rough pose: degrees, and share of the source's diagonal."""
 
 MOST_TURNED = 60.0
-"""Degrees beyond which a search everywhere is faster."""
+"""Angle in degrees beyond which a global search is faster."""
 
 _COARSER, _OF_RADIUS = 3.0, 0.14  # coarse voxels, in voxels; at least that share of the radius
 _OF_CLOUD = 0.16  # coarse voxels at most, of the smaller diagonal
@@ -31,14 +31,12 @@ _SLACK = 1.0  # voxels, and degrees
 
 
 def as_nearby(initial: ArrayLike | None, radius: float | None, angle: float | None) -> Nearby | None:
-    """Check a rough pose, if there is one, and how far the right one may be."""
+    """Check a rough pose, if any, and its largest error."""
     told = {"radius": radius, "angle": angle}
     given = {name: as_length(name, value) for name, value in told.items() if value is not None}
     if initial is None:
         for name, value in given.items():
-            raise InputError(
-                name, f"{value:g}, but no `initial`", "it says how far the pose may be from that"
-            )
+            raise InputError(name, f"{value:g}, but no `initial`", "it is the largest error of that pose")
         return None
     degrees = given.get("angle", ANGLE)
     if degrees > MOST_TURNED:
@@ -47,16 +45,16 @@ def as_nearby(initial: ArrayLike | None, radius: float | None, angle: float | No
 
 
 class Nearby(NamedTuple):
-    """A rough pose, and how far from it the right one may be.
+    """A rough pose, and its largest error.
 
     Attributes
     ----------
     pose : (4,4) array of float64
-        Source points into the target's frame.
+        Pose of the source in the target's frame.
     angle : float
-        Degrees that it may be turned by.
+        Error of its rotation, in degrees.
     radius : float
-        How far the middle of the source may be off; 0 until `around` a source where that wasn't told.
+        Error at the middle of the source; 0 for the default until `around`.
     """
 
     pose: FloatArray
@@ -64,11 +62,11 @@ class Nearby(NamedTuple):
     radius: float
 
     def around(self, source: PreparedScan) -> Nearby:
-        """Return the same with a radius that suits the source, unless one was told."""
+        """Return it with the default radius of a source, unless one was given."""
         return self._replace(radius=self.radius or RADIUS * source.scan.diagonal)
 
     def holds(self, poses: FloatArray, scan: PreparedScan) -> BoolArray:
-        """Tell which poses are near enough, to a voxel and a degree."""
+        """Return the mask of poses that are near enough, to a voxel and a degree."""
         cosines = (np.einsum("nij,ij->n", poses[:, :3, :3], self.pose[:3, :3]) - 1) / 2
         middle = scan.scan.centroid
         away = np.linalg.norm((poses - self.pose)[:, :3] @ np.append(middle, 1.0), axis=1)

@@ -21,8 +21,8 @@ _ALIKE, _TOLERANCE = 2.0, 1.5  # ratio of the voxels of two parts; voxels betwee
 def propose_by_parts(source: PreparedScan, target: PreparedScan, threads: int | None) -> FloatArray:
     """Return poses at which the centres of separate parts coincide, (n,4,4).
 
-    Parts of the same shape have the same descriptors, so that each is matched with all of about its size, and
-    SC2-PCR groups these matches. None unless both clouds consist of such parts.
+    Parts of the same shape have the same descriptors, so each is matched with all of similar size, and
+    SC2-PCR groups these matches. Empty unless both clouds consist of such parts.
     """
     parts = [find_parts(scan.voxels.points @ scan.scan.axes.T, scan.voxel) for scan in (source, target)]
     if min(len(sizes) for _, sizes in parts) < _LEAST_PARTS:

@@ -1,4 +1,4 @@
-"""Planes of a scan, and how many of them a pose lays on another's."""
+"""Planes of a scan, and the number that a pose aligns with those of another."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cgroup.rigid.transforms import cross_products
 from cgroup.types import FloatArray, IndexArray
 
 MOST_PLANES = 12
-"""Planes of a scan, the largest first."""
+"""Largest number of planes of a scan."""
 
 _HYPOTHESES, _TRIED, _SAMPLES = 100, 40, 1000  # triples of points; places tried for each; points that vote
 _REACH, _THICK, _LEAST, _LEAST_SHARE = 20.0, 0.3, 40, 0.008  # voxels; voxels; points; share of the points
@@ -21,7 +21,7 @@ _ALIKE, _SAME, _OFFSET, _BESIDE, _SHARED = np.cos(np.radians(4)), np.cos(np.radi
 _APART = 1.2  # voxels between two parallel planes
 _EDGE = 1.0  # voxels above a plane, and half of those beside it, that are part of it: where planes meet
 _CELL = 4.0  # voxels within which samples go wrong together
-_SIDE = 200  # points of a plane that are looked for beside another's
+_SIDE = 200  # points of a plane that are compared with another's
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +61,7 @@ def find_planes(points: FloatArray, voxel: float) -> Planes:
 
 
 def _fit_plane(points: FloatArray, voxel: float, rng: np.random.Generator) -> IndexArray:
-    """Rows of the points on the best of some hypotheses; few where there is no plane."""
+    """Return the rows of the points on the best of some hypotheses; few without a plane."""
     voters = points[rng.permutation(len(points))[:_SAMPLES]]
     axes = np.ascontiguousarray(voters.T)  # coordinate by coordinate, which is faster
     starts = voters[rng.integers(len(voters), size=_HYPOTHESES)]
@@ -97,7 +97,7 @@ def _fit(points: FloatArray) -> tuple[FloatArray, FloatArray]:
 def number_cells(
     points: FloatArray, planes: Planes, voxels: FloatArray, voxel: float, axes: FloatArray
 ) -> IndexArray:
-    """Return the cell along axes that each point lies in; -1 for points by a plane of the voxels."""
+    """Return the cell of each point along axes; -1 for points by a plane of the voxels."""
     by_a_plane = np.zeros(len(points), dtype=bool)
     for label, (normal, center) in enumerate(zip(planes.normals, planes.centers, strict=True)):
         rows = np.flatnonzero(np.abs((points - center) @ normal) < _EDGE * voxel)
@@ -109,7 +109,7 @@ def number_cells(
 
 
 def count_agreeing(source: Planes, target: Planes, pose: FloatArray, voxel: float) -> int:
-    """Count the planes that a pose lays on planes: each normal and offset once."""
+    """Count the planes that a pose aligns with planes, each normal and offset once."""
     counted: list[tuple[FloatArray, float]] = []
     middle = target.centers.mean(axis=0) if len(target.centers) else np.zeros(3)
     for normal, members in zip(source.normals @ pose[:3, :3].T, source.members, strict=True):
@@ -133,7 +133,7 @@ def count_agreeing(source: Planes, target: Planes, pose: FloatArray, voxel: floa
 
 
 def _squared_distances(one: FloatArray, other: FloatArray) -> FloatArray:
-    """Squared distances between points, (n,m)."""
+    """Return squared distances between points, (n,m)."""
     return (one**2).sum(axis=1)[:, None] + (other**2).sum(axis=1) - 2 * (one @ other.T)
 
 

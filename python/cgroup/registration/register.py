@@ -334,7 +334,7 @@ def refine(
     clock.start("refinement")
     found = confirm_pose(*scans, verified.T_target_source, workers)
     if found is None:
-        message = "the pose lays nothing together; give one that is right to some three voxels"
+        message = "the surfaces do not overlap under the pose; its error may be some three voxels"
         raise NoConsensusError(message)
     judgement = judge(found, *scans)
     reason = (judgement.reason,) if judgement.reason else ()

@@ -1,7 +1,7 @@
-"""Scans of few beams: the surface between their rings is filled in.
+"""Fill in the surface between the rings of scans with few beams.
 
-A beam that spins draws a cone, and all cones of a scanner have one apex and one axis. Points next to each
-other on a ring are seen from the apex at one angle to the axis; that fixes both, wherever the scanner stands.
+A spinning beam describes a cone, and all cones of a scanner share apex and axis. Neighbouring points of a
+ring have the same angle to the axis at the apex, which fixes both.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _CHORDS, _FEW = 3000, 4  # from points to those next to them, of which one in so
 _AWAY = 0.5  # of the cloud's radius, from its middle to the places where the search for the apex starts
 _ROUNDS, _LAST_ROUNDS = 12, 15
 _CUT, _PER_MEDIAN, _LEAST_DEVIATION, _DAMPING = 4.685, 1.4826, 1e-9, 1e-9  # as for `align`
-_ENOUGH = 5000  # points that tell the rings
+_ENOUGH = 5000  # points for finding the rings
 _APART = 3.0  # gaps between rings over those within them, and over the spacing along them
 _STEP = 1.5  # between points that are filled in, in spacings along the ring
 _MOST_STEPS = 12
@@ -42,10 +42,10 @@ class Rings(NamedTuple):
 
 
 def fill_between_rings(scan: Scan) -> Scan:
-    """Fill in the surface between the rings of a scan; any other cloud is left as it is.
+    """Fill in the surface between the rings of a scan; return any other cloud unchanged.
 
-    Points next to each other on adjacent rings are joined by points in a line, unless the line is seen at a
-    grazing angle: then the two rings lie on two surfaces, one before the other.
+    Neighbouring points of adjacent rings are joined by a line of points, unless it is seen at a grazing
+    angle: then the rings lie on two surfaces.
     """
     if scan.faces is not None or scan.normals is not None or len(scan.cloud) > _MOST_POINTS:
         return scan
@@ -74,7 +74,7 @@ def fill_between_rings(scan: Scan) -> Scan:
 
 
 def find_rings(points: FloatArray, axes: FloatArray) -> Rings | None:
-    """Tell the rings that a spinning scanner's points lie on, each on a cone; None where there are none.
+    """Find the rings of a spinning scanner, each on a cone; None without rings.
 
     The search starts at places along the cloud's own axes (3,3), and takes the best apex from which the
     angles to the axis fall into groups.
@@ -105,21 +105,21 @@ def find_rings(points: FloatArray, axes: FloatArray) -> Rings | None:
 
 
 class Apex(NamedTuple):
-    """A scanner's place, its axis, and the deviation of the chords from its cones."""
+    """Position and axis of a scanner, and the deviation of the chords from its cones."""
 
     place: FloatArray
     axis: FloatArray
     off: float
 
     def upwards(self, points: FloatArray) -> FloatArray:
-        """Angles of points above the plane at right angles to the axis."""
+        """Return the elevation angles of points about the axis."""
         rays = points - self.place
         ranges = np.maximum(np.linalg.norm(rays, axis=1), np.finfo(float).tiny)
         return np.arcsin(np.clip(rays @ self.axis / ranges, -1, 1))
 
 
 class _Chords(NamedTuple):
-    """Lines from points to others next to them, along the rings mostly: both ends, (n,3)."""
+    """Lines between neighbouring points, mostly along the rings: both ends, (n,3)."""
 
     ends: FloatArray
     others: FloatArray
@@ -132,7 +132,7 @@ class _Chords(NamedTuple):
         return cls(points[rows][apart], near[apart])
 
     def axis(self) -> FloatArray:
-        """Direction at right angles to the chords; outliers don't count."""
+        """Return the direction perpendicular to the chords, without outliers."""
         along = self.others - self.ends
         along /= np.linalg.norm(along, axis=1, keepdims=True)
         axis = np.linalg.eigh(along.T @ along)[1][:, 0]
@@ -143,7 +143,7 @@ class _Chords(NamedTuple):
         return axis
 
     def fit(self, apex: Apex, rounds: int) -> Apex:
-        """Fit apex and axis so that both ends of each chord are seen at one angle, by Tukey's weights.
+        """Fit apex and axis by Tukey's weights, so that both ends of each chord have the same elevation.
 
         The residual is the angle between the chord and the cone of its ends: ``(sin b - sin a) r / length``.
         """
@@ -168,14 +168,14 @@ class _Chords(NamedTuple):
 
 
 def _rays_from(place: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Directions of points from a place, and their ranges."""
+    """Return directions of points from a place, and their ranges."""
     rays = points - place
     ranges = np.maximum(np.linalg.norm(rays, axis=1), np.finfo(float).tiny)
     return rays / ranges[:, None], ranges
 
 
 def _find_borders(some: FloatArray, apex: Apex, count: int) -> FloatArray | None:
-    """Angles between the rings that some of so many points lie on; None where there are no rings."""
+    """Return the angles between the rings of some of the points; None without rings."""
     ordered = np.sort(apex.upwards(some))
     gaps = np.diff(ordered)
     largest = np.sort(gaps)[::-1][: _MOST_RINGS + 1]
@@ -201,7 +201,7 @@ def _tell(local: FloatArray, apex: Apex, borders: FloatArray, radius: float) -> 
 
 
 def _next_to(ring: FloatArray, angles: FloatArray) -> IndexArray:
-    """Row of a ring's points, in order of their angle, that is nearest to each angle."""
+    """Return the row of the ring point nearest to each angle; rows ascend by angle."""
     turned = np.concatenate([ring[-1:] - 2 * np.pi, ring, ring[:1] + 2 * np.pi])
     after = np.clip(np.searchsorted(turned, angles), 1, len(turned) - 1)
     nearest = np.where(angles - turned[after - 1] < turned[after] - angles, after - 1, after)

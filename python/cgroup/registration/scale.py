@@ -1,7 +1,7 @@
-"""Register clouds of unknown scale: likely scales, a search at each, the best.
+"""Register clouds of unknown scale: propose scales, search at each, select the best.
 
-Descriptors of voxels of two sizes are alike where the ratio of the sizes is the scale. Matches that agree on
-one scale, as in TEASER++ (Yang, Shi, Carlone, T-RO 2021), then tell it closer; the surfaces tell it closest.
+Descriptors of voxels of two sizes are similar if the ratio of the sizes is the scale. Matches that agree on
+one scale, as in TEASER++ (Yang, Shi, Carlone, T-RO 2021), refine it, and the surfaces finally fix it.
 """
 
 from __future__ import annotations
@@ -40,28 +40,28 @@ from cgroup.rigid.transforms import scaling
 from cgroup.types import FloatArray
 
 WITHIN = 3.0
-"""Factor around the ratio of the clouds' sizes within which the scale is sought."""
+"""Factor around the ratio of the clouds' sizes within which the scale is searched."""
 
 VOXELS, SIZES, STEP = 2500, 4, 2**0.5
-"""Voxels of the finest size at which a cloud is described, how many sizes there are, and their ratio."""
+"""Number of voxels at the finest size of description, number of sizes, and their ratio."""
 
 MATCHES, AGREE, APART = 400, 1.0, 4.0
-"""Best matches of two sizes; voxels by which two of them may disagree, and must lie apart."""
+"""Best matches of two sizes; largest disagreement and least distance of two of them, in voxels."""
 
 GRID, AROUND = 2 ** (1 / 16), 4
-"""Ratio of the scales that are tried, and how many to either side of a ratio of sizes."""
+"""Ratio of the tried scales, and their number to either side of a ratio of sizes."""
 
 CANDIDATES, AS_LIKELY = 2, 0.7
-"""Scales at which a pose is searched for, and their consensus at the least, as a share of the greatest."""
+"""Number of scales with a search, and their least consensus as a share of the greatest."""
 
 UNCERTAIN = 0.01
-"""Deviation of the scale that is noted."""
+"""Deviation of the scale from which a note is added."""
 
 _POWER_STEPS = 8
 
 
 class Candidate(NamedTuple):
-    """A rigid pose of the source times a scale, and what speaks for it."""
+    """A rigid pose of the scaled source, and its evidence."""
 
     scale: float
     pose: FloatArray
@@ -131,7 +131,7 @@ def _narrow(bounds: tuple[float, float], ratio: float) -> tuple[float, float]:
     """Return the bounds of the scale, narrowed by the ratio of the clouds' sizes."""
     low, high = max(bounds[0], ratio / WITHIN), min(bounds[1], ratio * WITHIN)
     if low > high:
-        near = f"the clouds' sizes speak for {ratio:.3g}, within a factor of {WITHIN:g}"
+        near = f"the clouds' sizes give {ratio:.3g}, to a factor of {WITHIN:g}"
         raise InputError("scale", f"({bounds[0]:g}, {bounds[1]:g})", f"{near}: give bounds around that")
     return low, high
 
@@ -147,7 +147,7 @@ class _Described(NamedTuple):
 def _describe_sizes(
     given: Given, radii: DenseFront, threads: int | None, *, by_frames: bool
 ) -> list[_Described]:
-    """Describe a scan at voxels of several sizes, as far as they leave a surface."""
+    """Describe a scan at voxels of several sizes, while they leave a surface."""
     scan = given.whole
     eye = None if given.viewpoint is None else scan.viewpoint(given.viewpoint)
     finest = choose_thinning(scan.cloud, voxels=VOXELS, threads=threads)
@@ -239,7 +239,7 @@ def _scaled(given: Given, scale: float) -> Given:
 def _weigh_scales(
     found: Found, scale: float, candidates: list[Candidate], tried: int, *, is_open: bool
 ) -> Found:
-    """Share the probability with other scales: those that were tried, and those at which a pose was found."""
+    """Share the probability with other scales: all tried ones, and those with a pose."""
     best = candidates[0]
     least = 2 * np.log(GRID)
     rivals = [other for other in candidates[1:] if abs(np.log(other.scale / best.scale)) > least]
@@ -252,7 +252,7 @@ def _weigh_scales(
 
 
 def _unscaled(done: Registration, scale: float, deviation: float) -> Registration:
-    """Return the registration of the source as it was given."""
+    """Return the registration of the unscaled source."""
     change = scaling(scale)
     pose, matches = done.T_target_source @ change, scale_matches(done.correspondences, 1 / scale)
     positions, grouping = (matches.source, matches.target), done.grouping

@@ -1,4 +1,4 @@
-"""Clouds as registration takes them: checked and indexed once, with the normals or faces they came with."""
+"""Checked and indexed clouds for registration, with their normals and faces."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ _MESH_SPACING = 0.5  # voxels between points on a large face
 
 
 class ViewDirection(NamedTuple):
-    """Where a scanner looks, in place of where it stood."""
+    """Viewing direction of a scanner, instead of its position."""
 
     x: float
     y: float
@@ -76,7 +76,7 @@ class ViewDirection(NamedTuple):
 def as_viewpoint(
     viewpoint: ArrayLike | None, view_direction: ArrayLike | None
 ) -> ArrayLike | ViewDirection | None:
-    """Return what is given of a scanner: its place, or its direction."""
+    """Return the given position or direction of a scanner."""
     if view_direction is None:
         return viewpoint
     if viewpoint is not None:
@@ -86,12 +86,12 @@ def as_viewpoint(
 
 
 def viewpoint_name(scan: str) -> str:
-    """Return the name of the parameter that says where a scan's scanner stood."""
+    """Return the name of the viewpoint parameter of a scan."""
     return f"{scan}_viewpoint" if scan in {"source", "target"} else "viewpoint"
 
 
 def usable_normals(normals: Normals, *clouds: PointCloud) -> Normals:
-    """Return `normals`, or "pca" where no cloud has what they need."""
+    """Return `normals`, or "pca" if no cloud has the needed faces or normals."""
     if normals == "pca" or any(getattr(cloud, NEEDED_FOR[normals]) is not None for cloud in clouds):
         return normals
     return "pca"
@@ -110,20 +110,20 @@ class Scan:
     faces : (F,3) array of int or None
         Triangles as rows of the points.
     name : str
-        What error messages call it.
+        Name in error messages.
     given : (n,3) array of float32 or float64
-        The points before strays were set aside and gaps were filled in.
+        The points before strays were removed and gaps were filled in.
     strays : int
-        Single points far from all others that were set aside.
+        Number of removed outliers.
     rows : (M,) array of int64 or None
-        First row of each distinct point among the `given`; None where no two coincide.
+        First row of each distinct point among the `given`; None if no two coincide.
     mesh : PointCloud or None
-        What the points were sampled on.
+        The sampled mesh.
     rounding : float
-        Spacing of the numbers of single precision at the points that are far from the origin, where the
-        coordinates are such numbers and lie nearly as far apart as the points; else 0.
+        Spacing of single precision at points far from the origin, if the coordinates are such numbers and the
+        spacing is close to that of the points; else 0.
     stored_viewpoint : (3,) list of float or None
-        Where the scanner stood, if the file says so and it can be meant.
+        Position of the scanner from the file, if it is plausible.
     """
 
     cloud: Cloud
@@ -144,7 +144,7 @@ class Scan:
 
     @cached_property
     def axes(self) -> FloatArray:
-        """Rotation into the axes that the cloud has by itself, (3,3)."""
+        """Rotation into the cloud's own axes, (3,3)."""
         return core_cloud(self.cloud).own_axes()
 
     @cached_property
@@ -154,11 +154,11 @@ class Scan:
 
     @property
     def repeats(self) -> int:
-        """Number of points that repeat others; they were set aside."""
+        """Number of removed points that repeat others."""
         return 0 if self.rows is None else len(self.given) - len(self.rows)
 
     def sampled(self, voxel: float) -> Scan:
-        """Return the scan with the faces of its mesh, if it was made of one, sampled for a voxel."""
+        """Return the scan with the faces of its mesh, if any, sampled for a voxel."""
         if self.mesh is None:
             return self
         finer = as_scan(self.name, sample_mesh(self.mesh, spacing=_MESH_SPACING * voxel), distinct=True)
@@ -167,7 +167,7 @@ class Scan:
         return replace(self, cloud=finer.cloud, normals=finer.normals)
 
     def has(self, normals: Normals) -> bool:
-        """Whether the cloud has what such normals need."""
+        """Whether the cloud has the faces or normals that a choice needs."""
         return normals == "pca" or getattr(self, NEEDED_FOR[normals]) is not None
 
     def resolution(self, threads: int | None) -> float:
@@ -195,7 +195,7 @@ class Scan:
         return away > 0.9 * FAR_AWAY * self.diagonal
 
     def viewpoint(self, place: ArrayLike) -> Viewpoint:
-        """Return the scanner's place, if it can be meant; far away where its direction is given."""
+        """Return the plausible position of the scanner, far away for a direction."""
         if isinstance(place, ViewDirection):
             x, y, z = (self.centroid - FAR_AWAY * self.diagonal * np.array(place)).tolist()
             return x, y, z
@@ -211,13 +211,13 @@ class Scan:
         return x, y, z
 
     def distance(self, place: list[float]) -> float:
-        """Return how far from the cloud a place is."""
+        """Return the distance of a place from the cloud."""
         with np.errstate(over="ignore"):  # to infinity, which is too far
             return float(np.linalg.norm(np.array(place) - self.centroid))
 
 
 def shows_layers(scan: Scan, viewpoint: Viewpoint, voxel: float) -> bool:
-    """Whether points lie behind each other as seen from a viewpoint: it is wrong, or the cloud not one scan.
+    """Whether points lie behind each other from a viewpoint: it is wrong, or the cloud is no single scan.
 
     Of a single scan, the points nearest in direction lie at nearly the same depth, but for edges.
     """
@@ -235,19 +235,19 @@ def shows_layers(scan: Scan, viewpoint: Viewpoint, voxel: float) -> bool:
 
 
 def _lie_apart(rays: FloatArray, depths: FloatArray, some: IndexArray, least: float) -> BoolArray:
-    """Whether some points lie deeper or less deep, by so much, than all those nearest in direction."""
+    """Return the mask of points whose depth differs from that of all nearest ones in direction."""
     near = _core.nearest_rows(rays, some, run_options(), _NEARBY)
     return np.abs(depths[near] - depths[some, None]).min(axis=1, initial=np.inf) > least
 
 
 def as_point_cloud(name: str, cloud: Cloud | AnyCloud) -> Cloud | AnyCloud:
-    """Return a cloud of another library as `PointCloud`, with its normals and faces; others as they are."""
+    """Return a cloud of another library as `PointCloud`, others unchanged."""
     found = None if isinstance(cloud, Cloud) else find_cloud(name, cloud)
     return cloud if found is None else found
 
 
 def as_scan(name: str, cloud: Scan | Cloud | AnyCloud, *, distinct: bool = False) -> Scan:
-    """Check a cloud and index it, unless that is done; of `distinct` points each is taken once."""
+    """Check and index a cloud, unless that is done; with `distinct` each point counts once."""
     if isinstance(cloud, Scan):
         return replace(cloud, name=name)
     normals, faces = None, None
@@ -278,7 +278,7 @@ def as_scan(name: str, cloud: Scan | Cloud | AnyCloud, *, distinct: bool = False
 
 
 def as_surface(name: str, cloud: Scan | Cloud | AnyCloud) -> Scan:
-    """Check a cloud and index it; a mesh whose vertices alone do not show its surface is sampled."""
+    """Check and index a cloud; sample a mesh whose vertices alone do not cover its surface."""
     if isinstance(cloud, Scan):
         return as_scan(name, cloud)
     cloud = as_point_cloud(name, cloud)
@@ -296,7 +296,7 @@ def _sampled(name: str, mesh: PointCloud) -> Scan:
 
 
 def _needs_samples(name: str, mesh: PointCloud) -> bool:
-    """Whether the vertices of a mesh are few, or leave out much of its area."""
+    """Whether the vertices of a mesh are few, or miss much of its area."""
     points = in_double(real_points(name, mesh.points))
     faces = _surface_of(name, mesh, len(points))[1]
     if faces is None or len(faces) == 0:
@@ -314,7 +314,7 @@ def _needs_samples(name: str, mesh: PointCloud) -> bool:
 
 
 def _find_rounding(cloud: Cloud) -> float:
-    """Return the spacing of single precision where it makes up too much of that of the points; else 0."""
+    """Return the spacing of single precision if it is too large for that of the points; else 0."""
     with np.errstate(over="ignore", invalid="ignore"):  # coordinates beyond single precision
         spacing = float(np.spacing(np.float32(np.abs(cloud.points).max())))
         if (
@@ -326,9 +326,9 @@ def _find_rounding(cloud: Cloud) -> float:
 
 
 def without_strays(scan: Scan) -> Scan:
-    """Set aside single points far from all others, unless they are many: they are no part of a surface.
+    """Remove outliers: single points far from all others, unless they are many.
 
-    With r the 9th decile of the distances from the median, a point beyond 3 r is a stray where a cube of side
+    With r the 9th decile of the distances from the median, a point beyond 3 r is an outlier if a cube of side
     r / 2 around it has fewer than four points.
     """
     points = in_double(scan.cloud.points) @ scan.axes.T
@@ -353,7 +353,7 @@ def without_strays(scan: Scan) -> Scan:
 
 
 def _surface_of(name: str, cloud: PointCloud, count: int) -> tuple[FloatArray | None, IndexArray | None]:
-    """Check the normals and faces of a cloud of so many points."""
+    """Check the normals and faces of a cloud of `count` points."""
     normals = None if cloud.normals is None else in_double(real_normals(f"{name}.normals", cloud.normals))
     faces = None if cloud.faces is None else as_faces(f"{name}.faces", cloud.faces)
     if normals is not None and len(normals) != count:
@@ -366,7 +366,7 @@ def _surface_of(name: str, cloud: PointCloud, count: int) -> tuple[FloatArray | 
 
 
 def check_sizes(scans: Sequence[Scan]) -> None:
-    """Refuse clouds in different units."""
+    """Raise for clouds in different units."""
     sizes = [scan.diagonal for scan in scans]
     if max(sizes) > MAX_SIZE_RATIO * min(sizes):
         one, other = (scans[row] for row in sorted([sizes.index(min(sizes)), sizes.index(max(sizes))]))
@@ -381,12 +381,12 @@ def check_sizes(scans: Sequence[Scan]) -> None:
 
 
 def as_model(name: str, cloud: Cloud | AnyCloud, normals: Normals) -> Scan:
-    """Check a whole model, whose normals or faces tell its outside."""
+    """Check a whole model with normals or faces that show its outside."""
     cloud = as_point_cloud(name, cloud)
     if not isinstance(cloud, PointCloud) or getattr(cloud, NEEDED_FOR[normals]) is None:
         raise InputError(
             name,
-            f"no {NEEDED_FOR[normals]}, which tell the outside of a model",
+            f"no {NEEDED_FOR[normals]}, which show the outside of a model",
             "give a `PointCloud` with them, or another library's cloud or mesh",
         )
     return as_scan(name, cloud, distinct=True) if normals == "given" else _sampled(name, cloud)

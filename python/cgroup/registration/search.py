@@ -46,16 +46,16 @@ Effort: TypeAlias = Literal["low", "normal", "high"]
 EFFORTS: tuple[Effort, ...] = ("low", "normal", "high")
 
 FINALISTS = 8
-"""Verified poses that are refined on the fine surfaces."""
+"""Number of verified poses that are refined on the fine surfaces."""
 
 NEARBY_FINALISTS = 3
-"""The same where the pose is known roughly."""
+"""The same near a rough pose."""
 
 RIVALS = 6
-"""Poses elsewhere that the best one is weighed against, and that are sought on purpose."""
+"""Number of rivals of the best pose, and of those that are searched for."""
 
 FIRST_SAMPLES = 500
-"""Samples of either surface that they are refined with; the best one then gets all."""
+"""Samples of either surface for their refinement; the best one then gets all."""
 
 MAX_TILT = 10.0
 """Degrees by which a pose may tilt an axis that both clouds share."""
@@ -67,7 +67,7 @@ for clouds of few points, which leave it to chance at which voxel the pose is fo
 
 @dataclass(frozen=True, eq=False)
 class Finalist:
-    """A refined pose of two scans, its score, the matches that it lays together, and what it is ranked by."""
+    """A refined pose of two scans, its score, the number of agreeing matches, and its rank value."""
 
     source: PreparedScan
     target: PreparedScan
@@ -78,14 +78,14 @@ class Finalist:
 
     @cached_property
     def case(self) -> Case:
-        """What speaks for the pose."""
+        """Evidence for the pose."""
         evidence = gather(self.source, self.target, self.found.T_target_source)
         return Case(self.score, self.support, misfit(self.found, self.source.voxel), evidence)
 
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """How a pose is searched for."""
+    """Options of a search for a pose."""
 
     method: str
     options: Mapping[str, Any]
@@ -101,7 +101,7 @@ class Search:
     allows: Callable[[FloatArray], BoolArray] | None = None
 
     def run(self, source: PreparedScan, target: PreparedScan) -> Found | None:
-        """Search for the pose, in the same way whichever of the two is the source."""
+        """Search for the pose, independent of the roles of the two scans."""
         if self.nearby is not None:
             return self.finish(compare_scales(self._search_nearby(source, target, self.nearby)))
         if self.matches is not None:
@@ -120,7 +120,7 @@ class Search:
         return replace(self, proposed=proposed, descriptors=descriptors, allows=turned)
 
     def _search(self, source: PreparedScan, target: PreparedScan) -> Found | None:
-        """Search with mutual matches, then with all, then on other voxels, until the pose is accepted."""
+        """Search with mutual matches, then with all, then at other voxels, until a pose is accepted."""
         if self.front is not None:
             places = source.viewpoint or ORIGIN, target.viewpoint or ORIGIN
             clouds = source.scan, target.scan
@@ -140,7 +140,7 @@ class Search:
     def _search_matches(
         self, source: PreparedScan, target: PreparedScan, matches: Correspondences
     ) -> Found | None:
-        """Search among the poses of a group of matches that are not those of voxels."""
+        """Search among the poses of a group of matches from elsewhere."""
         poses = self._propose(matches)
         if self.matches is not None:
             poses = np.concatenate([poses, frame_poses(matches)])
@@ -158,7 +158,7 @@ class Search:
         return self._weigh(source, target, match_nothing(source), finalists) if finalists else None
 
     def _match_voxels(self, source: PreparedScan, target: PreparedScan) -> Correspondences:
-        """Match voxels that are each other's nearest by FPFH: they speak for poses from elsewhere."""
+        """Return mutual matches of voxels by FPFH, as evidence for poses from elsewhere."""
         self.clock.start("matching")
         return take_matches(*match_both_ways(source.described, target.described, 1, self.threads))
 
@@ -193,7 +193,7 @@ class Search:
     def _verify(
         self, source: PreparedScan, target: PreparedScan, mutual: Correspondences | None, poses: FloatArray
     ) -> Verification | None:
-        """Verify the poses that may be; None where no pose may, before or after."""
+        """Verify the allowed poses; None if there are none, before or after."""
         self.clock.start("verification")
         surfaces = source.surface, target.surface
         allowed = self._keep_allowed(poses, source)
@@ -225,7 +225,7 @@ class Search:
         mutual: Correspondences,
         verified: Verification | None,
     ) -> Found | None:
-        """Refine the finalists on the fine surfaces, choose one, and say how likely it is right."""
+        """Refine the finalists on the fine surfaces, select one, and estimate its probability."""
         finalists = self._align(source, target, verified, FINALISTS)
         if not finalists:
             return None
@@ -262,7 +262,7 @@ class Search:
         matches: Correspondences,
         finalists: list[Finalist],
     ) -> Found:
-        """Weigh the best of the finalists against those that lie elsewhere."""
+        """Weigh the best of the finalists against its rivals."""
         ranked = sorted(finalists, key=lambda finalist: -finalist.value)
         poses = np.array([finalist.found.T_target_source for finalist in ranked])
         rows = choose_apart(poses, source.scan.centroid, source.voxel)[: 1 + RIVALS]
@@ -307,7 +307,7 @@ class Search:
 
 
 def _order(scan: PreparedScan) -> tuple[float, ...]:
-    """Return what scans are ordered by, in any frame: their size, then how far a voxel is from the mean."""
+    """Return the order of a scan in any frame: its size, then the distance of a voxel from the mean."""
     return len(scan), float(np.linalg.norm(scan.voxels.points[0] - scan.scan.centroid))
 
 

@@ -18,7 +18,7 @@ from cgroup.rigid.transforms import cross_products, scaling, split_scale
 from cgroup.types import FloatArray
 
 BEND = 6.0
-"""Edge of the cells whose mean residuals tell of bends, in voxels."""
+"""Edge of the cells whose mean residuals show bends, in voxels."""
 
 DRIFT, CLEARLY, NOTED, SOME = 0.01, 3.0, 0.8, 3
 """Deviation of the scale of right poses; deviations at which half of a probability is left, and the share of
@@ -51,10 +51,10 @@ class Similarity(NamedTuple):
 
 
 def compare_scales(found: Found | None) -> Found | None:
-    """Return a pose with the scale that fits clearly better, if one does, and a lower probability then.
+    """Lower the probability of a pose if another scale fits clearly better, and store that scale.
 
-    Of an accepted pose half of the probability is left where the scale is `CLEARLY` deviations from 1. Those
-    are of the fit, and of `DRIFT`: fragments of one room fit best at scales a little off 1.
+    Half of the probability of an accepted pose is left if the scale is `CLEARLY` deviations from 1, those of
+    the fit and of `DRIFT`: fragments of one room fit best at scales slightly off 1.
     """
     if found is None or not is_accepted(found.probability):
         return found
@@ -69,12 +69,11 @@ def compare_scales(found: Found | None) -> Found | None:
 def fit_similarity(
     source: PreparedScan, target: PreparedScan, pose: FloatArray, every: int = 1
 ) -> Similarity | None:
-    """Fit scale and pose to the voxels of both; None where too few are near each other.
+    """Fit scale and pose to the voxels of both; None if too few are near each other.
 
     Point-to-plane steps in both directions, weighted as for `align`; the seventh unknown is the logarithm of
-    the scale, about the middle of the pairs. Its deviation takes the means of the residuals in cells of
-    `BEND` voxels for errors that all pull the scale one way, as those of bent surfaces may. Of either scan
-    one voxel of every so many is paired.
+    the scale, about the middle of the pairs. Its deviation assumes that the mean residuals in cells of `BEND`
+    voxels all pull the scale one way, as for bent surfaces. One of `every` voxels of either scan is paired.
     """
     voxel, transform, options = source.voxel, pose, run_options(source.threads)
     fixed, step = target.voxels.points, 0

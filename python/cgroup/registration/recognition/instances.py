@@ -1,4 +1,4 @@
-"""Find models in a scene one after the other; each takes the part of the scene that it explains."""
+"""Find models in a scene one after the other; each removes the part of the scene that it explains."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _AS_GOOD = 0.8
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """A model where it may be.
+    """A proposed pose of a model.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class Proposal:
 
 @dataclass(eq=False)
 class InstanceSearch:
-    """Looks for models in a scene until none is found any more.
+    """Searches for models in a scene until none is found.
 
     Attributes
     ----------
@@ -72,9 +72,9 @@ class InstanceSearch:
     scene : PreparedScan
         With the same voxel, and normals on the same side.
     most : int or None
-        Instances of a model after which it is not looked for any more.
+        Largest number of instances of a model.
     free : (M,) array of bool
-        Voxels of the scene that no model explains yet.
+        Mask of the voxels of the scene that no model explains yet.
     """
 
     models: Mapping[str, PreparedScan]
@@ -95,7 +95,7 @@ class InstanceSearch:
         return found
 
     def _find_more(self, found: list[tuple[Proposal, float]], *, thoroughly: bool) -> bool:
-        """Look in the free part of the scene, with mutual matches; or with all, for models not found yet."""
+        """Search the free part of the scene with mutual matches; with all for models not found yet."""
         before = len(found)
         missing = set(self.models) - {one.name for one, _ in found}
         wanted = missing if thoroughly else self.models
@@ -112,7 +112,7 @@ class InstanceSearch:
         return self.most is not None and sum(one.name == name for one, _ in found) >= self.most
 
     def _accept(self, proposals: list[Proposal], found: list[tuple[Proposal, float]]) -> None:
-        """Take the most probable proposal, and what it explains, as long as one can be trusted."""
+        """Accept the most probable proposal and remove its part of the scene, while one is accepted."""
         self.clock.start("refinement")
         while True:
             rated = [

@@ -1,8 +1,7 @@
-"""Compare a model with a scene under a pose, and say how likely it is there.
+"""Compare a model with a scene under a pose, and estimate the probability of the pose.
 
-A model that is right lies on the scene wherever the scanner should have seen it, as closely as noise and
-curvature allow, however little of the scene that is. A wrong one may cover as much of the scene, but stands
-off it elsewhere, or in front of what was seen.
+A right model agrees with the scene wherever the scanner should have seen it, up to noise and curvature. A
+wrong one may cover as much of the scene, but deviates elsewhere, or violates free space.
 """
 
 from __future__ import annotations
@@ -40,11 +39,11 @@ class Sighting:
     score : float
         Of the pose, by `cgroup.verification.verify`.
     evidence : int
-        Matches that it lays together.
+        Number of matches that agree with the pose.
     seen : (5,) array of int64
-        How many of the model's voxels lie at each `Place`.
+        Number of the model's voxels at each `Place`.
     explained : (M,) array of bool
-        Which voxels of the scene lie on the model.
+        Mask of the voxels of the scene on the model.
     """
 
     model: PreparedScan
@@ -64,11 +63,11 @@ class Sighting:
 
     @property
     def visible(self) -> float:
-        """Share of the model's surface that is seen in the scene."""
+        """Share of the model's surface that the scene shows."""
         return float(self.seen[Place.ON] / self.seen.sum())
 
     def probability(self, free: BoolArray) -> float:
-        """Probability that the model is there, if only these voxels of the scene can be parts of it."""
+        """Return the probability of the pose, given the voxels of the scene that may belong to the model."""
         value = self._value(free)
         middle = _MIDDLE_UNSEEN if self.scene.viewpoint is None else _MIDDLE
         if value > middle:
@@ -76,7 +75,7 @@ class Sighting:
         return 1 / (1 + math.exp(min(-_STEEPNESS * (value - middle), 700)))
 
     def _value(self, free: BoolArray) -> float:
-        """Share of what should be seen that is there and free, less what chance may give."""
+        """Return the free share of the voxels that should be seen, minus the share by chance."""
         all_explained = int(self.explained.sum())
         if all_explained == 0:
             return -math.inf
@@ -104,7 +103,7 @@ def look_at(
 
 
 def _misfit(aligned: Alignment) -> float:
-    """Residuals in units of what noise and curvature explain; infinite where nothing is paired."""
+    """Return the residuals over the deviation by noise and curvature; infinite without pairs."""
     if len(aligned.residuals) == 0:
         return math.inf
     expected = float(np.sqrt(np.mean(aligned.deviations**2)))
