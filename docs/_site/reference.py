@@ -47,7 +47,7 @@ GROUPS: dict[str, dict[str, str]] = {
     "cgroup.errors": {"Errors": "CgroupError InputError NoConsensusError OutOfMemoryError"},
     "cgroup.features": {
         "Clouds and lengths": "Cloud CloudLike resolution",
-        "Thinning": "voxel_downsample choose_voxel Voxels",
+        "Downsampling": "voxel_downsample choose_voxel Voxels",
         "Normals and meshes": "normals mesh_normals sample_mesh ORIGIN Viewpoint",
         "Keypoints": "harris3d iss drop_isolated SUPPORT_RADIUS",
         "Local reference frames": "shot_lrf toldi_lrf",
@@ -71,7 +71,7 @@ GROUPS: dict[str, dict[str, str]] = {
     },
     "cgroup.verification": {
         "Poses on surfaces": "Surface verify Verification score_poses",
-        "Where points lie": "places Place",
+        "Positions of points": "places Place",
         "The last refinement": "FineSurface align Alignment",
     },
     "cgroup.io": {

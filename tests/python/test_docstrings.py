@@ -67,8 +67,10 @@ def fields_of(value: type[Any]) -> list[str]:
 
 
 def parameters_of(public: Public) -> set[str]:
-    """Return the names of the parameters that a docstring describes."""
-    return {name.lstrip("*") for each in docstring_of(public)["Parameters"] for name in each.name.split(", ")}
+    """Return the names of the parameters or fields that a docstring describes."""
+    doc = docstring_of(public)
+    described = [*doc["Parameters"], *doc["Attributes"]]
+    return {name.lstrip("*") for each in described for name in each.name.split(", ")}
 
 
 def shared_parameters(public: Public) -> set[str]:

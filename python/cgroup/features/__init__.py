@@ -3,9 +3,9 @@
 The steps of the paper (J. Yang, K. Xian, P. Wang, Y. Zhang, TPAMI 2019, section 4.1), each usable alone:
 
 ============  ==========================================================================
-cloud         `Cloud`: points made ready once for all of the steps
+cloud         `Cloud`: points checked and indexed once for all steps
 unit          `resolution`: the paper's *pr*
-thinning      `voxel_downsample`, `choose_voxel`
+downsampling  `voxel_downsample`, `choose_voxel`
 surface       `normals` (plane fits), `mesh_normals`, `sample_mesh`
 detectors     `harris3d`, `iss`; `drop_isolated` removes keypoints without support
 frames        `shot_lrf`, `toldi_lrf`
@@ -15,10 +15,8 @@ matching      `match`
 
 Points are (N,3) in any unit and finite; lengths are in that unit. Keypoints are row numbers of the cloud.
 "Within a radius" means nearer than it, as in PCL. Points that coincide count once, except in the means of
-voxels and in meshes; a keypoint is the first row of those that coincide. For several steps make a `Cloud` of
-the points first: it is checked and indexed once for all of them. All functions but those of meshes take
-``threads`` (int or None, None for all cores); results do not depend on it. Input that can't be worked with
-raises `InputError`, a `ValueError`.
+voxels and in meshes; a keypoint is the first row of those that coincide. Make a `Cloud` of the points for
+several steps. All functions but those of meshes take ``threads``; results do not depend on it.
 
 >>> import numpy as np
 >>> from cgroup import features

@@ -26,7 +26,7 @@ def shot(
     pcl_compat: bool = True,
     threads: int | None = None,
 ) -> NDArray[np.float32]:
-    """Return SHOT descriptors of 352 numbers: signatures of histograms of orientations.
+    """Return SHOT descriptors of 352 numbers, signatures of orientation histograms.
 
     As PCL's ``SHOTEstimation``, after Tombari, Salti, Di Stefano, ECCV 2010. Histograms of the angle between
     the neighbours' normals and the frame's z axis, in 32 volumes of the ball. Cost O(m k), k points per ball.

@@ -17,7 +17,7 @@ from cgroup.types import FloatArray
 def shot_lrf(
     points: CloudLike, keypoints: ArrayLike, *, radius: float, threads: int | None = None
 ) -> FloatArray:
-    """Return SHOT's local reference frames, the usual ones of `si`, `cv` and `hough3d`.
+    """Return the local reference frames of SHOT, usual for `si`, `cv` and `hough3d`.
 
     As PCL's ``SHOTLocalReferenceFrameEstimation``, after Tombari, Salti, Di Stefano, ECCV 2010. Axes are the
     eigenvectors of the scatter about the keypoint, neighbours weighted by ``radius - d``; x and z point to

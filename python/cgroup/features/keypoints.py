@@ -116,7 +116,7 @@ def iss(
     backend: Literal["cgroup", "open3d"] = "cgroup",
     threads: int | None = None,
 ) -> IndexArray:
-    """Return ISS keypoints: intrinsic shape signatures, where the surface bends all ways.
+    """Return ISS keypoints (intrinsic shape signatures): the surface bends all ways.
 
     As PCL's ``ISSKeypoint3D``, after Zhong, ICCV workshops 2009. Keypoints are local maxima of the smallest
     eigenvalue of a neighbourhood's scatter, where each eigenvalue is clearly smaller than the one before.

@@ -65,7 +65,7 @@ def register(
     progress: Callable[[str], Any] | None = None,
     **options: Any,  # noqa: ANN401 - those of the method
 ) -> Registration:
-    """Estimate the pose of the source in the target's frame; raise if no pose is reliable.
+    """Estimate the pose of a source in a target's frame; raise if none is reliable.
 
     Both clouds are downsampled to voxels and matched by FPFH. Groups of matches propose poses. These are
     verified on the two surfaces (`cgroup.verification`); the best is refined and judged. At most one of

@@ -46,7 +46,7 @@ _ELSEWHERE = {
 
 @dataclass(frozen=True, eq=False)
 class Registration:
-    """The estimated pose of a source in a target's frame, with its probability and covariance.
+    """The pose of a source in a target's frame, with its probability and covariance.
 
     Attributes
     ----------

@@ -41,7 +41,7 @@ class Place(IntEnum):
 def places(
     source: Surface, target: Surface, pose: ArrayLike, *, threads: int | None = None
 ) -> NDArray[np.uint8]:
-    """Classify each point of the source under a pose by its position relative to the target.
+    """Classify each source point under a pose by its position on the target.
 
     As in the last round of `verify`: with the nearest point y, normal m, of the target (up to 4 units away),
     a moved point x lies on it where ``((x - y).m)^2 + 0.15 |x - y|^2 < t^2``, t = 2 units, and the normals'

@@ -144,7 +144,7 @@ def verify(
 def score_poses(
     source: Surface, target: Surface, poses: ArrayLike, *, threads: int | None = None
 ) -> FloatArray:
-    """Return the scores of poses without refining them, as in the last round of `verify`.
+    """Return scores of poses as in the last round of `verify`, without refinement.
 
     A sample x of one surface, moved onto the other, finds the nearest point y with normal m (nearest to the
     centre of a cell of 1 unit, up to 4 units away). With ``e^2 = ((x - y).m)^2 + 0.15 |x - y|^2`` it counts

@@ -13,7 +13,7 @@ from cgroup.types import AnyCloud
 
 
 class Surface:
-    """A surface for verifying poses, prepared once for any number of poses and partners.
+    """A surface for verifying poses, prepared once for all poses and partners.
 
     It keeps nearest points, ranges and samples. Memory grows with the points and their surface, some
     kilobytes per point, not with the bounding box. Threads may share a surface.
