@@ -49,7 +49,7 @@ def places(
     units. If the scanner is known, points that face away from it (cosine 0.3) or that lie 3 units behind the
     source's own surface are unknown.
 
-    Parameters are as for `align`, with surfaces of the same unit.
+    `pose` is as for `align`; the other parameters are as for `verify`.
 
     Returns
     -------
