@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,10 +24,7 @@ from cgroup.maps.plan_view import PlanView, find_layers
 from cgroup.registration import DenseFront, PreparedScan
 from cgroup.registration.prepare import LEAST_VOXELS, UNIT, Preparation, assemble
 from cgroup.registration.scan import Scan, as_scan, as_surface, without_strays
-from cgroup.types import AnyCloud, FloatArray, IndexArray, RealArray
-
-if TYPE_CHECKING:
-    from cgroup.scenes import Scene
+from cgroup.types import AnyCloud, FloatArray, IndexArray, PointCloud, RealArray
 
 CELL = 8.0
 """Edge length of the cells of a map, in voxels."""
@@ -40,6 +37,15 @@ _AT_ONCE = 50_000  # voxels that are compared at a time
 _PARTS = 4  # of a cell, that radii are rounded to
 _NOT_DESCRIBED = 1e9  # squared length in place of that of a descriptor
 _ARRAYS = "points", "voxels", "normals", "frames", "descriptors", "cells", "voxel_ends", "point_ends"
+
+
+@runtime_checkable
+class Mergeable(Protocol):
+    """A `Scene`, which this room does not import."""
+
+    def merged(self) -> PointCloud:
+        """Return one cloud."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,7 +245,7 @@ class PreparedMap:
 @report_refused_memory()
 @explain_wrong_calls
 def prepare_map(
-    cloud: Cloud | AnyCloud | Scene,
+    cloud: Cloud | AnyCloud | Mergeable,
     *,
     voxel: float | None = None,
     threads: int | None = None,
@@ -276,11 +282,9 @@ def prepare_map(
     ... )
     (True, True)
     """
-    from cgroup.scenes.scene import Scene  # noqa: PLC0415 - scenes shows the names of this room
-
     begin = as_stage_function(progress)
     begin("points")
-    surface = as_surface("cloud", cloud.merged() if isinstance(cloud, Scene) else cloud)
+    surface = as_surface("cloud", cloud.merged() if isinstance(cloud, Mergeable) else cloud)
     given = without_strays(surface if voxel is None else surface.sampled(as_length("voxel", voxel))).cloud
     if voxel is not None:
         size = as_length("voxel", voxel)
