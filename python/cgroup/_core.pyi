@@ -39,7 +39,7 @@ class _Agreement(TypedDict):  # of cgroup.types.Agreement
     least_each: float | None
     scale: float
 
-_Option: TypeAlias = tuple[str, bool, bool | float | str | None, tuple[bool | float | str, ...]]
+_Option: TypeAlias = tuple[str, bool, bool | float | str | None, tuple[bool | float | str, ...], str]
 _Description: TypeAlias = tuple[list[str], list[str], dict[str, _Option]]  # fields, optional fields, options
 
 _CloudContent: TypeAlias = tuple[

@@ -93,6 +93,8 @@ pub struct OptionInfo {
     pub kind: Kind,
     /// Whether it may be left open.
     pub optional: bool,
+    /// What it does, in Markdown, with the spaces of a comment in front of each line.
+    pub text: &'static str,
 }
 
 impl OptionInfo {
@@ -283,18 +285,18 @@ macro_rules! words {
 }
 pub(crate) use words;
 
-/// The parameters of a method: each with its type, its default and what it takes.
+/// The parameters of a method: each with its text, its type, its default and its kind.
 macro_rules! method {
     (
         $(#[$meta:meta])*
         pub struct $Method:ident = $name:literal, $fields:expr, optional $optional:expr, {
-            $( $(#[$doc:meta])* pub $option:ident: $type:ty = $default:expr $(, $kind:expr)?; )*
+            $( $(#[doc = $doc:literal])* pub $option:ident: $type:ty = $default:expr $(, $kind:expr)?; )*
         }
     ) => {
         $(#[$meta])*
         #[derive(Debug, Clone, Copy, PartialEq)]
         pub struct $Method {
-            $( $(#[$doc])* pub $option: $type, )*
+            $( $(#[doc = $doc])* pub $option: $type, )*
         }
 
         impl Default for $Method {
@@ -322,6 +324,7 @@ macro_rules! method {
                         name: stringify!($option),
                         kind: [$( $kind, )? <$type as $crate::options::OptionType>::KIND][0],
                         optional: <$type as $crate::options::OptionType>::OPTIONAL,
+                        text: concat!($( $doc, )*),
                     }, )*]
                 }
             }
@@ -373,7 +376,7 @@ mod tests {
 
     #[test]
     fn the_ends_of_a_range_belong_to_it() {
-        let of = |kind| OptionInfo { name: "share", kind, optional: false };
+        let of = |kind| OptionInfo { name: "share", kind, optional: false, text: "" };
         for (value, accepted) in [(0.0, true), (1.0, true), (-1e-9, false), (1.1, false), (f64::NAN, false)] {
             assert_eq!(of(SHARE).check(Value::Number(value)).is_ok(), accepted, "{value}");
         }

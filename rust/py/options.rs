@@ -35,7 +35,7 @@ type Description<'py> = (Vec<&'static str>, Vec<&'static str>, Bound<'py, PyDict
 
 /// What each method is, by its public name.
 ///
-/// An option is its kind, whether it may be None, its default, and its least and greatest value or its choices.
+/// An option is its kind, whether it may be None, its default, its least and greatest value or its choices, and its text.
 #[pyfunction]
 pub fn describe_methods(py: Python<'_>) -> PyResult<Vec<(&'static str, Description<'_>)>> {
     let describe = |(name, method): (&'static str, BoxedMethod)| {
@@ -43,7 +43,7 @@ pub fn describe_methods(py: Python<'_>) -> PyResult<Vec<(&'static str, Descripti
         for option in method.options() {
             let default = to_python(py, method.get(option.name).unwrap_or(Value::None))?;
             let (kind, range) = range_of(py, option.kind)?;
-            options.set_item(option.name, (kind, option.optional, default, range))?;
+            options.set_item(option.name, (kind, option.optional, default, range, option.text.trim()))?;
         }
         Ok((name, (method.fields().to_vec(), method.optional_fields().to_vec(), options)))
     };

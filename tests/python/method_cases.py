@@ -94,7 +94,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class MethodCase:
-    """How a method is called, and its trials.
+    """How a method is called, its trials, and the kind of its `Grouping.rule` with its bound.
 
     `fields` are passed by name unless an option of the same name says otherwise. `quick` are options with which
     the properties of a method are tested often. `field_trials` exchange a field; that must show. `score_tolerance` is the largest difference of a score from the
@@ -104,6 +104,7 @@ class MethodCase:
     """
 
     reference: Callable[..., ReferenceGrouping]
+    rule: tuple[str, float | Pr | None]
     trials: list[Trial]
     inputs: tuple[str, ...] = ("source", "target")
     fields: tuple[str, ...] = ()
@@ -151,6 +152,7 @@ WITHOUT_RESOLUTION = Trial({"resolution": None}, LARGE, shows=False)
 CASES: dict[str, MethodCase] = {
     "ss": MethodCase(
         ss,
+        rule=("score", None),
         inputs=("similarity",),
         trials=[
             Trial({"bins": 7}),
@@ -162,11 +164,13 @@ CASES: dict[str, MethodCase] = {
     ),
     "nnsr": MethodCase(
         nnsr,
+        rule=("ratio", 0.8),
         inputs=("ratio",),
         trials=[Trial({"max_ratio": 0.5}), Trial({"max_ratio": 0.0}), Trial({"max_ratio": 1.0})],
     ),
     "si": MethodCase(
         si,
+        rule=("score", None),
         fields=("ratio", *FRAMES, "resolution"),
         quick={"neighbors": 20},
         trials=[
@@ -188,6 +192,7 @@ CASES: dict[str, MethodCase] = {
     ),
     "cv": MethodCase(
         cv,
+        rule=("score", None),
         score_tolerance=1e-9,
         fields=("ratio", *FRAMES, "resolution"),
         quick={"voters": 30},
@@ -210,6 +215,7 @@ CASES: dict[str, MethodCase] = {
     ),
     "ransac": MethodCase(
         ransac,
+        rule=("residual", Pr(5.0)),
         fields=("resolution",),
         quick={"iterations": 500},
         trials=[
@@ -232,6 +238,7 @@ CASES: dict[str, MethodCase] = {
     ),
     "st": MethodCase(
         st,
+        rule=("conflict", 0.6),
         score_tolerance=1e-6,
         large_score_tolerance=1e-6,
         trials=[
@@ -264,6 +271,7 @@ CASES: dict[str, MethodCase] = {
     ),
     "gc": MethodCase(
         gc,
+        rule=("star", Pr(3.0)),
         fields=("resolution",),
         quick={"ties": "union"},
         trials=[
@@ -285,6 +293,7 @@ CASES: dict[str, MethodCase] = {
     ),
     "hough3d": MethodCase(
         hough3d,
+        rule=("fullest bin", 6.0),
         fields=(*FRAMES, "source_centroid"),
         trials=[
             Trial({"source_centroid": None}),
@@ -316,6 +325,7 @@ CASES: dict[str, MethodCase] = {
     ),
     "gtm": MethodCase(
         gtm,
+        rule=("score", None),
         score_tolerance=1e-6,
         large_score_tolerance=1e-3,
         trials=[
@@ -344,6 +354,7 @@ CASES: dict[str, MethodCase] = {
     ),
     "lc": MethodCase(
         lc,
+        rule=("residual", Pr(5.0)),
         score_tolerance=1e-6,
         large_score_tolerance=1e-6,
         fields=("resolution",),
@@ -370,6 +381,7 @@ CASES: dict[str, MethodCase] = {
     ),
     "mac": MethodCase(
         mac,
+        rule=("residual", Pr(5.0)),
         fields=("resolution",),
         trials=[
             Trial({"tolerance": Pr(2.0)}),
@@ -389,6 +401,7 @@ CASES: dict[str, MethodCase] = {
     ),
     "sc2pcr": MethodCase(
         sc2pcr,
+        rule=("residual", Pr(5.0)),
         score_tolerance=1e-9,
         large_score_tolerance=1e-4,
         fields=("resolution",),
@@ -407,6 +420,7 @@ CASES: dict[str, MethodCase] = {
     ),
     "turboreg": MethodCase(
         turboreg,
+        rule=("residual", Pr(5.0)),
         fields=("resolution",),
         trials=[
             Trial({"tolerance": Pr(1.5)}),
@@ -422,6 +436,7 @@ CASES: dict[str, MethodCase] = {
     ),
     "teaser": MethodCase(
         teaser,
+        rule=("axes in clique", Pr(2.5)),
         fields=("resolution",),
         trials=[
             Trial({"tolerance": Pr(6.0)}),
@@ -441,6 +456,7 @@ CASES: dict[str, MethodCase] = {
     ),
     "clipper": MethodCase(
         clipper,
+        rule=("greatest", None),
         fields=("resolution",),
         score_tolerance=2e-3,
         large_score_tolerance=2e-3,

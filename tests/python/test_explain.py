@@ -33,13 +33,14 @@ def length(options: Options, name: str, multiple: float) -> float:
     return given.of(PROBLEM) if isinstance(given, Pr) else given
 
 
-def each_set_of(*methods: str) -> pytest.MarkDecorator:
-    """Run a test on the option sets of some methods."""
-    sets = [(method, options) for method in methods for options in CASES[method].option_sets()]
+def each_set_of(kind: str) -> pytest.MarkDecorator:
+    """Run a test on the option sets of all methods with that kind of rule."""
+    cases = [(method, case) for method, case in CASES.items() if case.rule[0] == kind]
+    sets = [(method, options) for method, case in cases for options in case.option_sets()]
     return pytest.mark.parametrize(("method", "options"), sets, ids=name_of)
 
 
-@each_set_of("ss", "si", "cv", "gtm")
+@each_set_of("score")
 def test_the_cut_on_scores_separates(method: str, options: Options) -> None:
     found, said = explained(method, options)
     assert found.scores is not None
@@ -55,7 +56,7 @@ def test_the_cut_on_scores_separates(method: str, options: Options) -> None:
             assert re.search(rf"{where}.* the cut", each.reason)
 
 
-@each_set_of("nnsr")
+@each_set_of("ratio")
 def test_the_cut_on_ratios_separates(method: str, options: Options) -> None:
     found, said = explained(method, options)
     for each in said:
@@ -64,10 +65,7 @@ def test_the_cut_on_ratios_separates(method: str, options: Options) -> None:
         assert f"{PROBLEM.ratio[each.index]:.3g}"[:4] in each.reason
 
 
-MULTIPLES = {"ransac": 5.0, "lc": 3.0, "mac": 5.0, "sc2pcr": 5.0, "turboreg": 5.0}
-
-
-@each_set_of(*MULTIPLES)
+@each_set_of("residual")
 def test_the_bound_on_residuals_separates(method: str, options: Options) -> None:
     found, said = explained(method, options)
     if found.model is None:
@@ -76,10 +74,8 @@ def test_the_bound_on_residuals_separates(method: str, options: Options) -> None
         return
     moved = PROBLEM.source @ found.model[:3, :3].T + found.model[:3, 3]
     residuals = np.linalg.norm(moved - PROBLEM.target, axis=1)
-    if method == "lc":  # which may have taken another tolerance
-        bound = 5.0 * found.diagnostics["resolution"]
-    else:
-        bound = length(options, "tolerance", MULTIPLES[method])
+    own = method == "lc"  # which may have taken another tolerance
+    bound = 5.0 * found.diagnostics["resolution"] if own else length(options, "tolerance", 5.0)
     for each in said:
         assert each.tolerance == pytest.approx(bound)
         assert each.residual == pytest.approx(residuals[each.index], abs=1e-9)
@@ -87,7 +83,7 @@ def test_the_bound_on_residuals_separates(method: str, options: Options) -> None
         assert bool(each.remedy) != each.kept
 
 
-@each_set_of("teaser")
+@each_set_of("axes in clique")
 def test_teaser_keeps_what_is_near_along_each_axis_and_left_by_the_pruning(
     method: str, options: Options
 ) -> None:
@@ -102,7 +98,7 @@ def test_teaser_keeps_what_is_near_along_each_axis_and_left_by_the_pruning(
         assert ("which the pruning left" in each.reason) == (is_near and not each.kept)
 
 
-@each_set_of("clipper")
+@each_set_of("greatest")
 def test_clipper_keeps_the_greatest_scores(method: str, options: Options) -> None:
     found, said = explained(method, options)
     for each in said:
@@ -112,7 +108,7 @@ def test_clipper_keeps_the_greatest_scores(method: str, options: Options) -> Non
             assert each.kept == (each.score > each.threshold)
 
 
-@each_set_of("st")
+@each_set_of("conflict")
 def test_a_match_that_st_drops_conflicts_with_the_one_that_is_named(method: str, options: Options) -> None:
     found, said = explained(method, options)
     least = options.get("min_distance_ratio", 0.6)
@@ -135,7 +131,7 @@ def test_a_match_that_st_drops_conflicts_with_the_one_that_is_named(method: str,
         assert shares == shared[each.index, rival]
 
 
-@each_set_of("gc")
+@each_set_of("star")
 def test_gc_names_the_seed_or_what_breaks_the_set(method: str, options: Options) -> None:
     found, said = explained(method, options)
     delta = distance_difference(PROBLEM.source, PROBLEM.target)
@@ -153,7 +149,7 @@ def test_gc_names_the_seed_or_what_breaks_the_set(method: str, options: Options)
             assert found.scores[each.index] == found.scores.max()
 
 
-@each_set_of("hough3d")
+@each_set_of("fullest bin")
 def test_hough_voting_tells_how_far_the_fullest_bin_is(method: str, options: Options) -> None:
     found, said = explained(method, options)
     framed = np.isfinite(PROBLEM.source_lrf).all(axis=(1, 2)) & np.isfinite(PROBLEM.target_lrf).all(
@@ -185,25 +181,6 @@ def test_hough_voting_counts_as_the_reference_does() -> None:
     assert found.size
 
 
-KINDS = {
-    "ss": ("score", None),
-    "nnsr": ("ratio", 0.8),
-    "si": ("score", None),
-    "cv": ("score", None),
-    "ransac": ("residual", 5.0 * PR),
-    "st": ("conflict", 0.6),
-    "gc": ("star", 3.0 * PR),
-    "3dhv": ("fullest bin", 6.0),
-    "gtm": ("score", None),
-    "lc": ("residual", 5.0 * PR),
-    "mac": ("residual", 5.0 * PR),
-    "sc2pcr": ("residual", 5.0 * PR),
-    "turboreg": ("residual", 5.0 * PR),
-    "teaser": ("axes in clique", 2.5 * PR),
-    "clipper": ("greatest", None),
-}
-
-
 @pytest.mark.parametrize("method", cgroup.METHODS)
 @pytest.mark.parametrize("rows", [0, 1, 2, len(MATCHES)])
 def test_every_group_tells_its_rule(method: str, rows: int) -> None:
@@ -214,7 +191,8 @@ def test_every_group_tells_its_rule(method: str, rows: int) -> None:
     found = group(matches, method)
     assert all(str(found.explain(i)).endswith(".") for i in range(min(rows, 2)))
     rule = found.rule
-    kind, bound = KINDS[method]
+    kind, bound = CASES[cgroup.METHODS[method].__name__].rule
+    bound = bound.of(PROBLEM) if isinstance(bound, Pr) else bound
     assert (rule.method, rule.kind, rule.resolution) == (method, kind, PR)
     assert rule.bound == (None if bound is None else pytest.approx(bound))
     assert all(len(of) == rows for of in (rule.decided_by, rule.conflicts, rule.votes) if of is not None)

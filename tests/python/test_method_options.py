@@ -1,59 +1,62 @@
 """The options of every method are those that the compiled core describes."""
 
 import inspect
-import typing
-from typing import Any, Literal
+import sys
+from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
+from numpydoc.docscrape import FunctionDoc
 from public_calls import PROBLEM
 from wrong_values import wrong_for
 
 import cgroup
-from cgroup._checks.fields import FIELDS
-from cgroup._checks.run_options import RunOptions
 from cgroup.errors import InputError
-from cgroup.methods import types
-from cgroup.registry import METHOD_INFO, MethodInfo, MethodOption
+from cgroup.methods._declare import _in_docstring
+from cgroup.registry import METHOD_INFO, MethodInfo
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
+
+from write_stubs import STUB, stub
 
 EVERY = pytest.mark.parametrize("info", METHOD_INFO.values(), ids=lambda info: info.name)
 OPTIONS = [(info, name) for info in METHOD_INFO.values() for name in info.options]
-TYPES = {
-    "flag": bool,
-    "seed": int,
-    "count": int,
-    "rounds": int,
-    "length": float,
-    "number": float,
-    "scale": bool | tuple[float, float],
-}
+
+
+def test_the_stub_has_the_signatures() -> None:
+    assert STUB.read_text(encoding="utf-8") == stub(), "run: python tools/write_stubs.py"
 
 
 @EVERY
-def test_the_signature_has_what_the_core_describes(info: MethodInfo) -> None:
-    control = {*RunOptions._fields}
-    parameters = inspect.signature(info.function).parameters.values()
-    written = [(p.name, p.default) for p in parameters if p.name not in {*FIELDS, *control}]
-    described = [(name, option.default) for name, option in info.options.items()]
-    assert written == described
-    assert [type(default) for _, default in written] == [type(default) for _, default in described]
-
-
-@EVERY
-def test_annotations_tell_what_the_core_takes(info: MethodInfo) -> None:
-    names = {**vars(types), "AnyCloud": Any, "ArrayLike": Any, "Grouping": cgroup.Grouping}
-    hints = typing.get_type_hints(info.function, localns=names)
+def test_every_parameter_has_a_type_and_a_meaning(info: MethodInfo) -> None:
+    """As the core describes it: the docstring's Parameters are made from that."""
+    described = {
+        name: entry for entry in FunctionDoc(info.function)["Parameters"] for name in entry.name.split(", ")
+    }
+    assert list(described) == list(inspect.signature(info.function).parameters)
     for name, option in info.options.items():
-        assert hints[name] == annotation(option), name
+        words = " ".join(described[name].desc)
+        assert words.replace("`", "") == option.text.replace("`", "")
+        assert described[name].type.endswith(", optional") == option.optional
 
 
-def annotation(option: MethodOption) -> Any:
-    """Return the type of an option's values."""
-    if option.kind == "choice":
-        return Literal[option.range]
-    if option.kind == "cut":
-        return float | Literal["otsu"]
-    kind = TYPES[option.kind]
-    return kind | None if option.optional else kind
+def test_code_is_set_in_two_backticks_and_a_name_in_one() -> None:
+    doc = inspect.getdoc(cgroup.clipper) or ""
+    assert "default ``5 * resolution``." in doc
+    assert _in_docstring("As `name`; `1 - x`; `a.b`.") == "As `name`; ``1 - x``; `a.b`."
+
+
+def test_arguments_are_bound_as_python_binds_them() -> None:
+    matches = PROBLEM.correspondences()
+    by_name = cgroup.ransac(target=matches.target, source=matches.source, tolerance=1.0)
+    np.testing.assert_array_equal(
+        by_name.mask, cgroup.ransac(matches.source, matches.target, tolerance=1.0).mask
+    )
+    with pytest.raises(TypeError, match="missing a required.* argument: 'source_lrf'"):
+        cgroup.hough3d(matches.source, matches.target)  # type: ignore[call-arg]
+    with pytest.raises(TypeError, match="multiple values for argument 'source'"):
+        cgroup.gtm(matches.source, matches.target, source=matches.source)  # type: ignore[misc]
 
 
 @pytest.mark.parametrize(("info", "name"), OPTIONS, ids=lambda each: getattr(each, "name", each))

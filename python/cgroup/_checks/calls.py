@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial, wraps
-from inspect import Parameter, signature
+from inspect import Parameter, Signature, signature
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from cgroup._checks.values import guess_word
@@ -64,10 +64,26 @@ def refuse_too_many(meant: str) -> Callable[[_Function], _Function]:
     return partial(explain_wrong_calls, too_many=meant)
 
 
+def bind_arguments(
+    function: Callable[..., Any], parameters: Signature, given: tuple[Any, ...], named: dict[str, Any]
+) -> dict[str, Any]:
+    """Return the arguments of a call by name, defaults included; refuse as `explain_wrong_calls` does."""
+    try:
+        bound = parameters.bind(*given, **named)
+    except TypeError:
+        wrong = _explain(function, len(given), named)
+        if wrong is None:
+            raise
+    else:
+        bound.apply_defaults()
+        return bound.arguments
+    raise wrong
+
+
 def _explain(
-    function: Callable[..., Any], given: int, named: Iterable[str], too_many: str
+    function: Callable[..., Any], given: int, named: Iterable[str], too_many: str = ""
 ) -> InputError | None:
-    """Say what is wrong with arguments that a function doesn't take."""
+    """Return the error for arguments that a function doesn't take."""
     parameters = signature(function).parameters.values()
     by_position = [one.name for one in parameters if one.kind == Parameter.POSITIONAL_OR_KEYWORD]
     options = [one.name for one in parameters if one.kind == Parameter.KEYWORD_ONLY]

@@ -1,42 +1,21 @@
-"""The grouping methods, one typed signature per file.
+"""The grouping methods.
 
-References are to J. Yang, K. Xian, P. Wang, Y. Zhang, *A Performance Evaluation of Correspondence
-Grouping Methods for 3D Rigid Data Matching*, TPAMI 2019 ("the paper").
-
-A length (``tolerance`` and the like) is in the data's unit; without one it is the paper's multiple of
-``resolution``. Each function hands its arguments on by their names; the compiled core reads its options.
+A length (``tolerance`` and the like) is in the data's unit; its default is the paper's multiple of
+``resolution``. The compiled core describes each option once: name, type, default, range and text. Signatures
+and docstrings are made from that, and ``__init__.pyi`` for type checkers (``tools/write_stubs.py``).
 """
 
-from cgroup.methods.clipper import clipper
-from cgroup.methods.consistency_voting import cv
-from cgroup.methods.game_theory import gtm
-from cgroup.methods.geometric_consistency import gc
-from cgroup.methods.hough_voting import hough3d
-from cgroup.methods.likelihood_consensus import lc
-from cgroup.methods.mac import mac
-from cgroup.methods.nearest_neighbor_ratio import nnsr
-from cgroup.methods.ransac import ransac
-from cgroup.methods.sc2pcr import sc2pcr
-from cgroup.methods.search_of_inliers import si
-from cgroup.methods.similarity_score import ss
-from cgroup.methods.spectral import st
-from cgroup.methods.teaser import teaser
-from cgroup.methods.turboreg import turboreg
+from __future__ import annotations
 
-__all__ = [
-    "clipper",
-    "cv",
-    "gc",
-    "gtm",
-    "hough3d",
-    "lc",
-    "mac",
-    "nnsr",
-    "ransac",
-    "sc2pcr",
-    "si",
-    "ss",
-    "st",
-    "teaser",
-    "turboreg",
-]
+from typing import Literal
+
+from cgroup.methods import group_based, individual, modern  # noqa: F401 - declare the methods
+from cgroup.methods._declare import DECLARED, DESCRIBED
+
+METHOD_INFO = {name: DECLARED[name] for name in DESCRIBED}
+
+MethodName = Literal[tuple(METHOD_INFO)]
+
+__all__ = [info.function.__name__ for info in METHOD_INFO.values()]
+
+globals().update({info.function.__name__: info.function for info in METHOD_INFO.values()})

@@ -24,17 +24,18 @@ method! {
     /// Parameters of consistency voting.
     pub struct ConsistencyVoting = "cv", ["source", "target", "ratio", "source_lrf", "target_lrf"],
         optional ["resolution"], {
-        /// `delta_r`: distance difference at which a vote falls to 1/e, a length; default 10 resolutions.
+        /// Distance difference at which a vote falls to 1/e (delta_r), a length; default `10 * resolution`.
         pub distance_scale: Option<f64> = None;
-        /// `delta_L`: difference of frame angles at which a vote falls to 1/e, in degrees.
+        /// Difference of frame angles at which a vote falls to 1/e (delta_L), in degrees.
         pub angle_scale: f64 = 10.0, POSITIVE;
-        /// Number of voters.
+        /// Number of voters: the correspondences with the lowest ratios.
         pub voters: usize = 200;
-        /// Whether voters do without the vote for themselves.
+        /// Leave out the vote of a voter for itself.
         pub exclude_self: bool = false;
-        /// Cut on the scores.
+        /// Scores above it are selected.
         pub threshold: Threshold = Threshold::Otsu;
-        /// How Otsu's method lays out the candidate cuts.
+        /// How Otsu's cut is found: on 100 equal bins between the least and the greatest score; between any two scores; as
+        /// in the code of SI's author, for scores from 0 to 1; or as in the evaluation group's later code.
         pub otsu: OtsuMode = OtsuMode::default();
     }
 }

@@ -58,21 +58,24 @@ words! {
 method! {
     /// Parameters of game-theoretic matching.
     pub struct GameTheory = "gtm", ["source", "target"], optional ["resolution"], {
-        /// Steps; part of the selectivity, not a mere bound.
+        /// Steps of the dynamics; more steps select fewer correspondences.
         pub iterations: usize = 100, ROUNDS;
-        /// Cut on the population shares. Infection-immunisation keeps all survivors unless this is fixed.
+        /// Population shares above it are selected.
         pub threshold: Threshold = Threshold::Otsu;
-        /// How Otsu's method lays out the candidate cuts.
+        /// How Otsu's cut is found: on 100 equal bins between the least and the greatest score; between any two scores; as
+        /// in the code of SI's author, for scores from 0 to 1; or as in the evaluation group's later code.
         pub otsu: OtsuMode = OtsuMode::default();
-        /// Whether pairs that share a source or a target point earn nothing.
+        /// Pairs that share a point earn nothing; the distance ratio implies it.
         pub one_to_one: bool = false;
-        /// Payoff of a pair.
+        /// `min(ds/dt, dt/ds)`; or 1 where `|ds - dt|` is at most `tolerance`, else 0.
         pub payoff: Payoff = Payoff::default();
-        /// Greatest distance difference for the payoff of that name, a length; default 3 resolutions.
+        /// Greatest `|ds - dt|` of the second payoff, a length; default `3 * resolution`.
         pub tolerance: Option<f64> = None;
-        /// Stop once a step moves the population by less (L1), or the Nash error falls below.
+        /// Stop once a step moves the population by less (L1 norm); infection-immunisation stops at this Nash error, 1e-8
+        /// by default.
         pub convergence_tolerance: Option<f64> = None, POSITIVE;
-        /// Evolution of the population.
+        /// Replicator dynamics, Eq. (17); or infection and immunisation (Rota Bulo, Bomze, 2011) at O(n) per step, which
+        /// selects the survivors (share above 1e-9). Give it some 10,000 iterations.
         pub dynamics: Dynamics = Dynamics::default();
     }
 }

@@ -38,13 +38,14 @@ words! {
 method! {
     /// Parameters of geometric consistency.
     pub struct GeometricConsistency = "gc", ["source", "target"], optional ["similarity", "resolution"], {
-        /// Greatest distance difference, a length; default 3 resolutions.
+        /// Two correspondences are consistent where `|ds - dt|` is below this length; default `3 * resolution`.
         pub tolerance: Option<f64> = None;
-        /// What a cluster is.
+        /// A seed and all that are consistent with it; or, as in PCL, a set grown greedily in the order of `similarity`
+        /// whose members are all consistent with each other, filtered by RANSAC.
         pub variant: Variant = Variant::default();
-        /// Ties between star clusters.
+        /// Of several largest stars, take that of the lowest index, or all.
         pub ties: Ties = Ties::default();
-        /// Clique variant: a set with no more members than this is not a cluster.
+        /// Clique variant: a cluster has more members.
         pub min_cluster_size: usize = 3, at_least(0);
         /// Clique variant: samples of the RANSAC filter.
         pub iterations: usize = 10_000, ROUNDS;

@@ -11,7 +11,7 @@ use crate::{Correspondences, Execution, Grouping, Result, memory};
 method! {
     /// Parameters of the nearest-neighbour similarity ratio.
     pub struct NearestNeighborRatio = "nnsr", ["ratio"], optional [], {
-        /// Greatest accepted ratio of nearest to second-nearest descriptor distance, in 0..=1.
+        /// Greatest ratio that is accepted.
         pub max_ratio: f64 = 0.8, SHARE;
     }
 }

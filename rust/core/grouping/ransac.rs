@@ -13,17 +13,18 @@ use crate::{Correspondences, Execution, Grouping, Points, Result, memory};
 method! {
     /// Parameters of random sample consensus.
     pub struct Ransac = "ransac", ["source", "target"], optional ["resolution"], {
-        /// An inlier's residual is less than this length; default 5 resolutions.
+        /// Residuals of inliers are below this length; default `5 * resolution`.
         pub tolerance: Option<f64> = None;
         /// Number of samples.
         pub iterations: usize = 10_000, ROUNDS;
-        /// Key of the random numbers.
+        /// Key of the random numbers, which depend on it and on the iteration alone.
         pub seed: u64 = 0;
         /// Fit the transform to all inliers once and select again.
         pub refine: bool = false;
-        /// Drop samples with an edge whose distance ratio is lower before judging them (0.9 is usual).
+        /// Drop samples with an edge whose length ratio `min(ds/dt, dt/ds)` is lower, before counting their inliers (0.9 is
+        /// usual).
         pub edge_ratio: Option<f64> = None, SHARE;
-        /// Stop once a better transform has been missed with at most one minus this probability.
+        /// Stop once the probability of having missed a better transform is at most `1 - confidence`.
         pub confidence: Option<f64> = None, BELOW_ONE;
     }
 }

@@ -30,19 +30,20 @@ method! {
     /// Parameters of the search of inliers.
     pub struct SearchOfInliers = "si", ["source", "target", "ratio", "source_lrf", "target_lrf"],
         optional ["resolution"], {
-        /// delta: greatest residual of a global vote, a length; default 5 resolutions.
+        /// Greatest residual under the pose of a correspondence (delta), a length; default `5 * resolution`.
         pub tolerance: Option<f64> = None;
-        /// kappa: number of local neighbours, and of global voters.
+        /// Number of local neighbours, and of global voters (kappa).
         pub neighbors: usize = 250;
-        /// sigma: least distance ratio of a vote, in 0..=1.
+        /// Least rigidity `min(ds/dt, dt/ds)` of a vote (sigma).
         pub min_distance_ratio: f64 = 0.9, SHARE;
-        /// Local voters have a lower ratio of nearest to second-nearest descriptor distance.
+        /// Local voters have a lower ratio.
         pub lowe_ratio: f64 = 0.8, SHARE;
-        /// Which correspondences vote on all others.
+        /// Global voters have the lowest ratios, or the best local scores as in the original author's code.
         pub global_rank: GlobalRank = GlobalRank::default();
-        /// Cut on the scores.
+        /// Scores above it are selected.
         pub threshold: Threshold = Threshold::Otsu;
-        /// How Otsu's method lays out the candidate cuts.
+        /// How Otsu's cut is found: on 100 equal bins between the least and the greatest score; between any two scores; as
+        /// in the code of SI's author, for scores from 0 to 1; or as in the evaluation group's later code.
         pub otsu: OtsuMode = OtsuMode::default();
     }
 }

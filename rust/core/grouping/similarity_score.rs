@@ -12,11 +12,12 @@ use crate::{Correspondences, Execution, Grouping, Result, memory};
 method! {
     /// Parameters of the similarity score.
     pub struct SimilarityScore = "ss", ["similarity"], optional [], {
-        /// Cut on the similarity; a fixed value is itself accepted.
+        /// Least similarity that is accepted.
         pub threshold: Threshold = Threshold::Otsu;
-        /// How Otsu's method lays out the candidate cuts.
+        /// How Otsu's cut is found: on equal bins between the least and the greatest score; between any two scores; as in
+        /// the code of SI's author, for scores from 0 to 1; or as in the evaluation group's later code.
         pub otsu: OtsuMode = OtsuMode::default();
-        /// Bins of Otsu's method.
+        /// Bins of the "minmax" and "legacy" modes.
         pub bins: usize = DEFAULT_BINS, at_most(MAX_BINS);
     }
 }

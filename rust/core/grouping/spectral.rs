@@ -61,17 +61,18 @@ words! {
 method! {
     /// Parameters of the spectral technique.
     pub struct Spectral = "st", ["source", "target"], optional ["similarity"], {
-        /// Least distance ratio of two correspondences that can both be right, in 0..=1.
+        /// Correspondences with a lower `min(ds/dt, dt/ds)` conflict with each other.
         pub min_distance_ratio: f64 = 0.6, SHARE;
-        /// Off-diagonal entries.
+        /// That ratio; the ratio where it reaches `min_distance_ratio`, else 0; or 1 there.
         pub affinity: Affinity = Affinity::default();
-        /// Diagonal entries.
+        /// Affinity of a correspondence with itself; "score" is `similarity`.
         pub diagonal: Diagonal = Diagonal::default();
-        /// When two correspondences exclude each other.
+        /// An accepted correspondence removes those below `min_distance_ratio`, those that share a point with it, or both.
         pub conflict: Conflict = Conflict::default();
-        /// How the eigenvector is found.
+        /// Power iteration; or, as a reference, Lanczos's method on a matrix of float64 (at most `16 n^2` bytes), accurate
+        /// to the last digits.
         pub eigensolver: Eigensolver = Eigensolver::default();
-        /// Compute the eigenvector of the remaining correspondences again after each acceptance.
+        /// Recompute the eigenvector of the remaining correspondences after each acceptance.
         pub recompute: bool = false;
     }
 }

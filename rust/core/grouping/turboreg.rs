@@ -37,17 +37,19 @@ const NMS_RADIUS: f64 = 1.5;
 method! {
     /// Parameters of `TurboReg`.
     pub struct TurboReg = "turboreg", ["source", "target"], optional ["resolution"], {
-        /// An inlier's residual is less than this length; default 5 resolutions.
+        /// Residuals of inliers are below this length; default `5 * resolution`. Published: 0.1 m in rooms downsampled to 5
+        /// cm (preset "3dmatch"), 0.6 m on streets (preset "kitti").
         pub tolerance: Option<f64> = None;
-        /// Bound on `|ds - dt|` of two that are compatible, a length; default 0.12 of the tolerance.
+        /// Bound on `|ds - dt|` of two that are compatible, a length; default `0.12 * tolerance`.
         pub max_distance_difference: Option<f64> = None;
-        /// `ds + dt` of two that are compatible exceeds this length; default 1.5 tolerances.
+        /// Least `ds + dt` of two that are compatible, a length; default `1.5 * tolerance`.
         pub nms_radius: Option<f64> = None;
-        /// Heaviest pairs that triangles are sought for.
+        /// Number of pairs around which triangles are sought, the heaviest (K1).
         pub pivots: usize = 2_000;
-        /// Triangles of each.
+        /// Triangles per pivot (K2).
         pub cliques_per_pivot: usize = 2;
-        /// What the best pose has most of.
+        /// Score of a pose, with r a residual below the tolerance t: the number of them, the sum of `1 - r / t`, or the sum
+        /// of `(1 - r / t)^2`.
         pub choice: Choice = Choice::default();
     }
 }

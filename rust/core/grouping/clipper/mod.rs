@@ -56,15 +56,16 @@ words! {
 method! {
     /// Parameters of CLIPPER.
     pub struct Clipper = "clipper", ["source", "target"], optional ["resolution"], {
-        /// epsilon, bound on the distance difference of two that agree, a length; default 5 resolutions.
+        /// Bound on `|ds - dt|` of two that agree (epsilon), a length; default `5 * resolution`.
         pub max_distance_difference: Option<f64> = None;
-        /// sigma, the deviation of distance differences, a length; default a third of that bound.
+        /// Standard deviation of `ds - dt` (sigma), a length; default `max_distance_difference / 3`.
         pub deviation: Option<f64> = None;
-        /// Two that are no farther apart exclude each other.
+        /// Two that are no farther apart than this length on either side exclude each other.
         pub min_distance: f64 = 0.0, NOT_NEGATIVE;
-        /// What is sought.
+        /// Seek the set with the greatest sum of affinities per member (CLIPPER), or the one with the most members
+        /// (CLIPPER+: all affinities are 1, and a greedy clique comes first).
         pub variant: Variant = Variant::default();
-        /// Key of the random numbers that the ascent starts from.
+        /// Key of the random numbers at which the ascent starts; a number depends on it and on its row alone.
         pub seed: u64 = 0;
     }
 }

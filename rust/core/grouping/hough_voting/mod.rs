@@ -79,21 +79,22 @@ method! {
         optional ["similarity", "source_centroid"], {
         /// Bins per axis over the votes' bounding box.
         pub bins: usize = 15, at_most(MAX_BINS);
-        /// Side of cubic bins, a length, in place of `bins`.
+        /// Side of cubic bins, a length, in place of `bins`; the "pcl" variant needs it.
         pub bin_size: Option<f64> = None;
-        /// Grid variant: bins selected around the peak.
+        /// Bins around the peak whose voters are selected with it.
         pub neighbors: Neighborhood = Neighborhood::default();
-        /// How votes are counted.
+        /// "grid", as in the paper: one vote each, for the bin that contains it. "pcl", as in PCL: votes are interpolated,
+        /// and each local maximum is filtered by RANSAC.
         pub variant: Variant = Variant::default();
-        /// PCL variant: spread each vote over the bins whose centres surround it.
+        /// "pcl" variant: spread a vote over the up to 8 bins whose centres surround it.
         pub interpolation: bool = true;
-        /// PCL variant: weigh a vote by `1 - d / d_max` with d the descriptor distance.
+        /// "pcl" variant: weight a vote by `1 - d / d_max`, with d = `1 - similarity`.
         pub distance_weight: bool = false;
-        /// PCL variant: least value of a maximum; negative, a share of the greatest value.
+        /// "pcl" variant: least value of a maximum; from -1 to 0, a share of the greatest value.
         pub vote_threshold: f64 = -1.0, VOTES;
-        /// PCL variant: samples of the RANSAC filter.
+        /// "pcl" variant: samples of the RANSAC filter.
         pub iterations: usize = 10_000, ROUNDS;
-        /// PCL variant: key of the filter's random numbers.
+        /// "pcl" variant: key of the filter's random numbers.
         pub seed: u64 = 0;
     }
 }

@@ -67,15 +67,21 @@ method! {
     /// Parameters of likelihood consensus.
     pub struct LikelihoodConsensus = "lc", ["source", "target"],
         optional ["ratio", "source_lrf", "target_lrf", "resolution"], {
-        /// Greatest distance difference of two that agree, a length, from which all others follow. By default 3
-        /// resolutions, and where these leave no sure answer, other powers of 2 times that; without a resolution from 0.8
-        /// times the distance of neighbouring points.
+        /// Greatest distance difference of two that agree, a length; default `3 * resolution`, without a resolution 0.8
+        /// times the distance of neighbouring points. Where that gives no significant pose, other powers of 2 times that
+        /// are tried, and the pose is refined with the noise under it, `Grouping.noise`. For dense matches of clouds
+        /// downsampled to voxels of side v, give `1.2 * v`.
         pub tolerance: Option<f64> = None;
-        /// Most poses that are returned, the best among them.
+        /// Most poses in `Grouping.alternatives`, the best among them.
         pub modes: usize = 40;
-        /// Most rigid motions whose groups are returned.
+        /// Most groups in `Grouping.instances`, which is None for 1. The groups follow different rigid motions, each is
+        /// significant among the matches that better ones leave, and any two have an intersection over union below 0.3. Row
+        /// 0 is the mask; there is no row where the best is not `Grouping.ok`.
         pub instances: usize = 1;
-        /// What is known of the scale: by default that it is 1.
+        /// Whether the two sides are in different units: the scale is the length in the target of the source's unit,
+        /// between the two bounds if they are given. True allows any unit: scales are tried at which both sides are of
+        /// about the same size, to a factor of 3; bounds only narrow that. All lengths (`resolution`, `tolerance`,
+        /// `Grouping.noise`) are in the target's unit.
         pub scale: Scale = Scale::default();
     }
 }

@@ -43,19 +43,20 @@ const MOST_PATHS: f64 = (1_u64 << 30) as f64;
 method! {
     /// Parameters of MAC.
     pub struct MaximalCliques = "mac", ["source", "target"], optional ["resolution"], {
-        /// Residuals below this length belong to the group; default 5 resolutions.
+        /// Residuals below this length belong to the group; default `5 * resolution`.
         pub tolerance: Option<f64> = None;
-        /// Greatest distance difference of two that agree, a length; default a fifth of the tolerance.
+        /// Greatest distance difference of two that agree, a length; default `tolerance / 5`.
         pub max_distance_difference: Option<f64> = None;
-        /// Weight of two that differ by that much, in 0..1.
+        /// Weight of two that differ by `max_distance_difference`, less than 1.
         pub min_weight: f64 = 0.99, BELOW_ONE;
-        /// Least members of a clique, three or more.
+        /// Least members of a clique, 3 or more.
         pub min_clique_size: usize = 3, at_least(3);
-        /// Ends of the search for cliques, which are maximal cliques or dead ends.
+        /// Most ends of the search: maximal cliques, and dead ends. Every vertex at which it starts gets an equal share, at
+        /// least one, of what those before it left.
         pub max_cliques: usize = 1_000_000, ROUNDS;
-        /// Cliques that propose a motion, the heaviest; all where there is no number.
+        /// Number of cliques that propose a motion, the heaviest; by default all.
         pub max_hypotheses: Option<usize> = None;
-        /// Whether the best motion is refined.
+        /// Refine the best motion by weighted least squares over the group, up to 20 times.
         pub refine: bool = true;
     }
 }

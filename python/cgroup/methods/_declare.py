@@ -1,0 +1,313 @@
+"""The function of a method: parameters from the compiled core, words from the files beside this one."""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import wraps
+from inspect import Parameter, Signature, cleandoc
+from itertools import groupby
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+from cgroup import _core
+from cgroup._checks.calls import bind_arguments
+from cgroup.methods._call import call
+from cgroup.types import Grouping
+
+
+class MethodOption(NamedTuple):
+    """What an option of a method takes, as the compiled core describes it.
+
+    Attributes
+    ----------
+    kind : str
+        "flag"; "seed", "count" or "rounds" (whole numbers); "length" (in the unit of the data), "number";
+        "choice" (of a few words or numbers); "cut" (a number, or "otsu"); or "scale" (a truth value, or two
+        bounds).
+    optional : bool
+        Whether it may be None.
+    default : bool, int, float, str or None
+        Its value where it is not given; None for a length that follows from another one.
+    range : tuple
+        The least and the greatest value, or the choices; empty where the kind determines them.
+    text : str
+        What it does, in Markdown.
+
+    Examples
+    --------
+    >>> from cgroup.registry import METHOD_INFO
+    >>> METHOD_INFO["mac"].options["min_clique_size"].range
+    (3, 18446744073709551615)
+    """
+
+    kind: str
+    optional: bool
+    default: bool | float | str | None
+    range: tuple[Any, ...]
+    text: str
+
+
+@dataclass(frozen=True)
+class MethodInfo:
+    """What is known of a method besides its parameters.
+
+    Attributes
+    ----------
+    name : str
+        Public name: the key of `METHODS`, of options and of records.
+    function : callable
+        The method.
+    label : str
+        Short name for figures and tables.
+    idea : str
+        How it groups, in a few words.
+    complexity : str
+        Cost in the number n of correspondences.
+    color, marker : str
+        How figures draw it, in matplotlib's notation.
+    citation : str
+        Who proposed it, and where.
+    in_paper : bool
+        Whether the evaluation of Yang et al., TPAMI 2019, compares it.
+    individual : bool
+        Whether it judges correspondences one by one (paper, section 3.1) rather than in groups (3.2).
+    fields, optional_fields : tuple of str
+        Fields of `Correspondences` that it needs, and those that it uses where they are given.
+    options : dict of str to MethodOption
+        What each option takes, in the signature's order.
+
+    Examples
+    --------
+    >>> from cgroup.registry import METHOD_INFO
+    >>> METHOD_INFO["gtm"].label, METHOD_INFO["gtm"].complexity
+    ('GTM', 'n² per step')
+    >>> [info.name for info in METHOD_INFO.values() if "ratio" in info.fields]
+    ['nnsr', 'si', 'cv']
+    """
+
+    name: str
+    function: Callable[..., Grouping]
+    label: str
+    idea: str
+    complexity: str
+    color: str
+    marker: str
+    citation: str
+    in_paper: bool
+    individual: bool
+    fields: tuple[str, ...]
+    optional_fields: tuple[str, ...]
+    options: Mapping[str, MethodOption]
+
+
+DESCRIBED = dict(_core.describe_methods())
+"""Fields, optional fields and options of each method."""
+
+DECLARED: dict[str, MethodInfo] = {}
+"""Methods by their public names."""
+
+_POINTS = ("AnyCloud", "(n,3) array_like of float", "Matched points.")
+_FRAMES = (
+    "ArrayLike",
+    "(n,3,3) array_like of float",
+    "Local reference frames; rows are the x, y and z axes; NaN for no frame.",
+)
+_FIELDS = {
+    "source": _POINTS,
+    "target": _POINTS,
+    "similarity": (
+        "ArrayLike",
+        "(n,) array_like of float",
+        "Descriptor similarity ``1 - |f_norm - f'_norm|``, higher is better.",
+    ),
+    "ratio": (
+        "ArrayLike",
+        "(n,) array_like of float",
+        "Nearest / second-nearest descriptor distance, in [0,1], lower is better.",
+    ),
+    "source_lrf": _FRAMES,
+    "target_lrf": _FRAMES,
+    "resolution": ("float", "float", "Mean nearest-neighbour distance of the clouds."),
+    "source_centroid": ("ArrayLike", "(3,) array_like of float", "Centroid of the whole source cloud."),
+    "candidates": (
+        "ArrayLike",
+        "(n,k,3) array_like of float",
+        "Target points that each source point may match, the likeliest first.",
+    ),
+}
+"""Annotation, type in words, and meaning of each field."""
+
+_CONTROLS = {
+    "max_seconds": ("float | None", "float, optional", ""),
+    "threads": (
+        "int | None",
+        "int, optional",
+        "Number of threads, None for all cores. The result does not depend on it.",
+    ),
+    "max_memory": (
+        "int | None",
+        "int, optional",
+        (
+            "Bytes that pairwise matrices and graphs may take; by default a quarter of the memory that is "
+            "free, at most 1.5 GiB."
+        ),
+    ),
+    "progress": (
+        "Callable[[float], Any] | None",
+        "callable, optional",
+        (
+            "Called now and then with the share of the work done, in [0,1]; an error that it raises ends the "
+            "work."
+        ),
+    ),
+}
+"""How a run is controlled: annotation, type in words, and meaning."""
+
+_CODE, _NAME = re.compile(r"`([^`]+)`"), re.compile(r"[\w.]+")
+
+_KINDS = {
+    "flag": ("bool", "bool"),
+    "seed": ("int", "int"),
+    "count": ("int", "int"),
+    "rounds": ("int", "int"),
+    "length": ("float", "float"),
+    "number": ("float", "float"),
+    "cut": ('float | Literal["otsu"]', 'float or "otsu"'),
+    "scale": ("bool | tuple[float, float]", "bool or (float, float)"),
+}
+"""Annotation, and type in words, of the kinds of options; choices list their values."""
+
+_RAISES = """Raises
+------
+InputError
+    If a field has a wrong shape or values, or an option is out of its range; if a length is
+    needed, and neither that nor `resolution` is given.
+OutOfMemoryError
+    If the system gives no memory for the computation.
+
+"""
+
+
+def method(
+    name: str,
+    *,
+    in_paper: bool = False,
+    individual: bool = False,
+    notes: Mapping[str, str] = MappingProxyType({}),
+    **known: str,
+) -> Callable[[Callable[[], None]], Callable[..., Grouping]]:
+    """Declare a method, and make its function.
+
+    Parameters
+    ----------
+    name : str
+        Public name, as the core has it.
+    in_paper, individual : bool
+        As for `MethodInfo`.
+    notes : dict of str to str
+        Additions to the meaning of a field (of both frames: "lrf"), of `max_memory` and of `max_seconds`; the
+        method takes the last two if there is a note.
+    **known
+        The other attributes of `MethodInfo`.
+
+    Returns
+    -------
+    callable
+        Decorator of a function without a body. The docstring lacks Parameters and Raises.
+    """
+    fields, optional_fields, options = DESCRIBED[name]
+    described = {each: MethodOption(*what) for each, what in options.items()}
+    parameters = [
+        *_fields(fields, optional_fields, notes),
+        *_options(described),
+        *_controls(notes, has_progress="source" in fields),
+    ]
+    signature = Signature([each for each, _, _ in parameters], return_annotation="Grouping")
+
+    def make(written: Callable[[], None]) -> Callable[..., Grouping]:
+        @wraps(written)
+        def function(*given: Any, **named: Any) -> Grouping:  # noqa: ANN401 - as the core describes them
+            return call(name, bind_arguments(function, signature, given, named))
+
+        vars(function)["__signature__"] = signature
+        function.__annotations__ = {each.name: each.annotation for each, _, _ in parameters}
+        function.__doc__ = _complete(written.__doc__ or "", parameters)
+        DECLARED[name] = MethodInfo(
+            name=name,
+            function=function,
+            in_paper=in_paper,
+            individual=individual,
+            fields=tuple(fields),
+            optional_fields=tuple(optional_fields),
+            options=described,
+            **known,
+        )
+        return function
+
+    return make
+
+
+_Described = tuple[Parameter, str, str]
+"""A parameter, its type in words, and its meaning."""
+
+
+def _fields(fields: list[str], optional: list[str], notes: Mapping[str, str]) -> Iterator[_Described]:
+    by_position = {"source", "target"} if "source" in fields else fields
+    for name in (*fields, *optional):
+        annotation, words, meaning = _FIELDS[name]
+        kind = Parameter.POSITIONAL_OR_KEYWORD if name in by_position else Parameter.KEYWORD_ONLY
+        default = Parameter.empty
+        if name in optional:
+            default, annotation, words = None, f"{annotation} | None", f"{words}, optional"
+        note = notes.get("lrf" if name.endswith("_lrf") else name, "")
+        yield (
+            Parameter(name, kind, default=default, annotation=annotation),
+            words,
+            f"{meaning} {note}".strip(),
+        )
+
+
+def _options(options: Mapping[str, MethodOption]) -> Iterator[_Described]:
+    for name, option in options.items():
+        annotation, words = _type_of(option)
+        parameter = Parameter(name, Parameter.KEYWORD_ONLY, default=option.default, annotation=annotation)
+        yield parameter, words, _in_docstring(option.text)
+
+
+def _controls(notes: Mapping[str, str], *, has_progress: bool) -> Iterator[_Described]:
+    taken = {"threads", *notes, *(["progress"] if has_progress else [])}
+    for name, (annotation, words, meaning) in _CONTROLS.items():
+        if name in taken:
+            parameter = Parameter(name, Parameter.KEYWORD_ONLY, default=None, annotation=annotation)
+            yield parameter, words, f"{meaning} {notes.get(name, '')}".strip()
+
+
+def _type_of(option: MethodOption) -> tuple[str, str]:
+    """Return annotation, and type in words, of an option."""
+    if option.kind == "choice":
+        choices = ", ".join(f'"{one}"' if isinstance(one, str) else str(one) for one in option.range)
+        return f"Literal[{choices}]", f"{{{choices}}}"
+    annotation, words = _KINDS[option.kind]
+    return (f"{annotation} | None", f"{words}, optional") if option.optional else (annotation, words)
+
+
+def _in_docstring(markdown: str) -> str:
+    """Set code in two backticks, and leave names in one, as docstrings have them."""
+    return _CODE.sub(lambda code: code[0] if _NAME.fullmatch(code[1]) else f"`{code[0]}`", markdown)
+
+
+def _complete(docstring: str, parameters: list[_Described]) -> str:
+    """Return a docstring with its Parameters and Raises."""
+    head, returns, *rest = re.split(r"(?m)^(?=(?:Returns|References|Examples)\n-)", cleandoc(docstring))
+    entries = [
+        f"{', '.join(each.name for each, _, _ in alike)} : {words}\n{_indented(meaning)}\n"
+        for (words, meaning), alike in groupby(parameters, key=lambda entry: entry[1:])
+    ]
+    return "".join([head, "Parameters\n----------\n", *entries, "\n", returns, _RAISES, *rest])
+
+
+def _indented(text: str) -> str:
+    return textwrap.fill(text, 100, initial_indent="    ", subsequent_indent="    ")

@@ -1,0 +1,222 @@
+"""Methods that judge matches together: section 3.2 of Yang et al., TPAMI 2019 ("the paper")."""
+
+from __future__ import annotations
+
+from cgroup.methods._declare import method
+
+_RECOMPUTED = "A larger matrix is recomputed row by row, with the same result."
+
+
+@method(
+    "ransac",
+    label="RANSAC",
+    idea="best of random triples",
+    complexity="n iterations",
+    color="#117733",
+    marker="D",
+    citation="Fischler, Bolles, CACM 1981",
+    in_paper=True,
+)
+def ransac() -> None:
+    """Random sample consensus (RANSAC): the sampled motion with the most inliers.
+
+    Section 3.2 of Yang et al., TPAMI 2019, after [1]_: a sample is three correspondences, its motion their
+    least-squares transform. Samples are rows, so that the order of the rows changes them, as another `seed`
+    does. Cost O(iterations n).
+
+    Returns
+    -------
+    Grouping
+        Its `model` is the transform (4,4) behind the selection. Without any inlier the group is empty.
+
+    References
+    ----------
+    .. [1] M. Fischler, R. Bolles, "Random Sample Consensus: A Paradigm for Model Fitting with Applications to
+       Image Analysis and Automated Cartography", CACM, 1981.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup import ransac
+    >>> rng = np.random.default_rng(0)
+    >>> source = rng.uniform(0, 100, size=(500, 3))
+    >>> target = source[:, [1, 2, 0]] + 5.0
+    >>> target[100:] = rng.uniform(0, 100, size=(400, 3))
+    >>> group = ransac(source, target, resolution=1.0, refine=True)
+    >>> bool(group.mask[:100].all()), group.model[:3, 3].round(0)
+    (True, array([5., 5., 5.]))
+    """
+
+
+@method(
+    "st",
+    label="ST",
+    idea="principal eigenvector",
+    complexity="n² per power step",
+    color="#AA4499",
+    marker="P",
+    citation="Leordeanu, Hebert, ICCV 2005",
+    in_paper=True,
+    notes={"similarity": 'Needed for ``diagonal="score"``.', "max_memory": _RECOMPUTED},
+)
+def st() -> None:
+    """Spectral technique (ST): the main cluster of the pairwise affinity matrix.
+
+    Section 3.2, Eq. (12) of Yang et al., TPAMI 2019, after [1]_: correspondences are accepted in the order of
+    their entries in the principal eigenvector, each unless it conflicts with one accepted before. Cost O(n^2)
+    per power step.
+
+    Returns
+    -------
+    Grouping
+        Its scores are the entries of the principal eigenvector.
+
+    References
+    ----------
+    .. [1] M. Leordeanu, M. Hebert, "A Spectral Technique for Correspondence Problems Using Pairwise
+       Constraints", ICCV, 2005.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup import st
+    >>> from cgroup.datasets import make_problem
+    >>> problem = make_problem(np.random.default_rng(0), 500, inlier_ratio=0.3)
+    >>> group = st(problem.source, problem.target)
+    >>> precision = problem.inlier_mask[group.mask].mean()
+    >>> bool(precision > 0.8)  # 30 % of all matches are right
+    True
+    """
+
+
+@method(
+    "gc",
+    label="GC",
+    idea="largest star of a seed",
+    complexity="n²",
+    color="#882255",
+    marker="X",
+    citation="Chen, Bhanu, PRL 2007",
+    in_paper=True,
+    notes={
+        "similarity": "For the order of the clique variant.",
+        "max_memory": "For the clique variant, whose consistent pairs take n^2 / 8 bytes; beyond the limit "
+        "pairs are recomputed, with the same result.",
+    },
+)
+def gc() -> None:
+    """Geometric consistency (GC): the largest cluster that keeps distances to a seed.
+
+    Section 3.2, Eq. (13) of Yang et al., TPAMI 2019, after [1]_. Of equally large clusters that of the first
+    row is taken, so that the group may depend on the order of the rows. Cost O(n^2) time, O(n) memory.
+
+    Returns
+    -------
+    Grouping
+        Its scores are the sizes of the star clusters (star variant).
+
+    References
+    ----------
+    .. [1] H. Chen, B. Bhanu, "3D Free-Form Object Recognition in Range Images Using Local Surface Patches",
+       Pattern Recognition Letters, 2007.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup import gc
+    >>> rng = np.random.default_rng(0)
+    >>> source = rng.uniform(0, 100, size=(500, 3))
+    >>> target = source[:, [1, 2, 0]] + 5.0
+    >>> target[100:] = rng.uniform(0, 100, size=(400, 3))
+    >>> group = gc(source, target, resolution=1.0)
+    >>> bool(group.mask[:100].all()), int(group.scores.max()) == group.size
+    (True, True)
+    """
+
+
+@method(
+    "3dhv",
+    label="3DHV",
+    idea="votes for the centre",
+    complexity="n log n",
+    color="#CC6677",
+    marker="<",
+    citation="Tombari, Di Stefano, PSIVT 2010",
+    in_paper=True,
+    notes={
+        "similarity": "Needed for `distance_weight`.",
+        "source_centroid": "Without it, the mean of `source` is used, and `diagnostics` has "
+        "``centroid_from_keypoints``.",
+        "lrf": "A match without frames casts no vote.",
+    },
+)
+def hough3d() -> None:
+    """3D Hough voting (3DHV): votes for the source's centroid in the target.
+
+    Section 3.2, Eq. (14) to (16) of Yang et al., TPAMI 2019, after [1]_. Cost O(n log n).
+
+    Returns
+    -------
+    Grouping
+        The voters of the fullest bin and its neighbours; without scores.
+
+    References
+    ----------
+    .. [1] F. Tombari, L. Di Stefano, "Object Recognition in 3D Scenes with Occlusions and Clutter by Hough
+       Voting", PSIVT, 2010.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup import hough3d
+    >>> from cgroup.datasets import make_problem
+    >>> problem = make_problem(np.random.default_rng(0), 500, inlier_ratio=0.3)
+    >>> frames = {"source_lrf": problem.source_lrf, "target_lrf": problem.target_lrf}
+    >>> group = hough3d(problem.source, problem.target, **frames)
+    >>> precision = problem.inlier_mask[group.mask].mean()
+    >>> bool(precision > 0.9)  # 30 % of all matches are right
+    True
+    """
+
+
+@method(
+    "gtm",
+    label="GTM",
+    idea="survivors of a game",
+    complexity="n² per step",
+    color="#332288",
+    marker="*",
+    citation="Rodola et al., IJCV 2013",
+    in_paper=True,
+    notes={"resolution": "For the second payoff.", "max_memory": _RECOMPUTED},
+)
+def gtm() -> None:
+    """Game theory matching (GTM): correspondences that agree with survivors survive.
+
+    Section 3.2, Eq. (17) and (18) of Yang et al., TPAMI 2019, after [1]_. Payoffs of more than 1,024
+    correspondences are rounded to 16 bits, by 8e-6 at most. Cost O(n^2) per step.
+
+    Returns
+    -------
+    Grouping
+        Its scores are the population shares, which sum to 1, and `Grouping.threshold` is the cut on them.
+
+    References
+    ----------
+    .. [1] E. Rodola, A. Albarelli, F. Bergamasco, A. Torsello, "A Scale Independent Selection Process for 3D
+       Object Recognition in Cluttered Scenes", IJCV, 2013.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup import gtm
+    >>> from cgroup.datasets import make_problem
+    >>> problem = make_problem(np.random.default_rng(0), 500, inlier_ratio=0.3)
+    >>> group = gtm(problem.source, problem.target)
+    >>> precision = problem.inlier_mask[group.mask].mean()
+    >>> bool(precision > 0.9)  # 30 % of all matches are right
+    True
+    >>> longer = gtm(problem.source, problem.target, iterations=500)
+    >>> longer.size < group.size
+    True
+    """

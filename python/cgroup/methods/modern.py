@@ -1,0 +1,315 @@
+"""Methods that came after the paper: those of other authors since 2020, and LC of this library."""
+
+from __future__ import annotations
+
+from cgroup.methods._declare import method
+
+_REFUSED = "A larger graph is refused."
+
+
+@method(
+    "lc",
+    label="LC",
+    idea="pose that beats chance",
+    complexity="n²",
+    color="#000000",
+    marker="h",
+    citation="this library",
+    notes={
+        "ratio": "Without it, all matches are equally likely beforehand.",
+        "lrf": "A match without frames is judged by its position.",
+        "resolution": "A resolution that is wrong by a factor of 4 gives the same pose.",
+        "max_memory": _REFUSED,
+    },
+)
+def lc() -> None:
+    """Likelihood consensus (LC): the pose that makes matches likelier than chance.
+
+    For few right matches among many; a method of this library. Cliques of matches that keep their distances
+    (``|ds - dt| < tolerance``) give poses. The support of a pose is the sum of
+    ``max(0, L_i - r_i^2 / (2 sigma^2))`` over residuals r_i below ``2 * tolerance``, with
+    ``sigma = 0.9 * tolerance`` and the chance level
+    ``L_i = ln(s n / D_i) + clip(8 (0.87 - ratio_i), -0.8, 3)``: D_i counts the matches that start or end
+    within ``5/3 * tolerance`` of match i, and ``s = max(1/100, 10/n)`` is the prior share of right matches.
+    The best pose is refined, its supporters are removed, and so on; the score of each pose is its support
+    times the share of source points that it moves near a target. Of more than 2,500 correspondences, cliques
+    are sought among the 2,500 that keep their distance to the most others (``vertices`` in the diagnostics).
+    Cost O(n^2) tests of pairs, memory O(n).
+
+    Frames give further poses and count in the support, where they are reliable: where most of the supporters
+    of significant poses have frames that agree, or where positions alone give no significant pose
+    (``by_frames`` in the diagnostics). https://cgroup-project.github.io/cgroup/methods/lc.html describes
+    every step, and the gain of each.
+
+    Returns
+    -------
+    Grouping
+        The correspondences with a residual of at most ``5/3 * tolerance`` under `Grouping.model`, the best
+        pose. Its scores are probabilities to be right, given that pose; `Grouping.alternatives` has the
+        other poses too. `Grouping.false_alarms` is ``n^3/6 P(Poisson(lambda) >= k - 3)`` for k supporters
+        that lie ``7/3 * tolerance`` apart, of which chance gives lambda where the targets lie as they do;
+        times the number of tolerances that are tried; infinite where a mirror image fits as well. A smaller
+        radius is used where it makes few exact correspondences less likely by chance. The diagnostics have
+        ``dimensions``, whether the group's points span a body (3), a plane (2) or a line (1), and
+        ``resolution``, a third of the tolerance that was used. Without a pose that three correspondences
+        support, the group is empty. With a scale s, the model and the alternatives are similarities, ``s R``
+        in their upper left, all of the same s, which is ``scale`` in the diagnostics; `Grouping.transform`
+        remains a rigid motion, without the scale.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup import lc
+    >>> rng = np.random.default_rng(0)
+    >>> source = rng.uniform(0, 100, size=(500, 3))
+    >>> target = source[:, [1, 2, 0]] + 5.0
+    >>> target[25:] = rng.uniform(0, 100, size=(475, 3))
+    >>> result = lc(source, target)
+    >>> bool(result.mask[:25].all()), result.model[:3, 3].round(1)
+    (True, array([5., 5., 5.]))
+    >>> result.ok, result.false_alarms < 1e-6
+    (True, True)
+    """
+
+
+@method(
+    "mac",
+    label="MAC",
+    idea="every maximal clique",
+    complexity="n² + cliques",
+    color="#0077BB",
+    marker="8",
+    citation="Zhang et al., CVPR 2023",
+    notes={
+        "max_seconds": "End the search for cliques after this time, with the cliques found by then. Only "
+        "then does the result depend on the machine and on the number of threads.",
+        "max_memory": "A larger graph keeps only the vertices of the highest degrees.",
+    },
+)
+def mac() -> None:
+    """Maximal cliques (MAC): the best motion that cliques of agreeing matches propose.
+
+    Zhang et al., *3D Registration with Maximal Cliques*, CVPR 2023, section 3; Yang et al., TPAMI 2024. Two
+    correspondences with the distance difference ``d = |ds - dt|`` agree with the weight ``w = 1 - (1 -
+    min_weight) (d / max_distance_difference)^2`` where d is not greater than that, else 0 (Eq. 1, 2: the
+    source's ``1 - d^2 / d_cmp^2``, cut at `min_weight`). The second order ``W = w o (w w)`` (Eq. 3) weights
+    a pair by those that agree with both. A dense graph is reduced to the vertices with the greatest
+    clustering coefficients ``c_i = sum_(j<k) (W_ij W_ik W_jk)^(1/3) / (deg_i (deg_i - 1) / 2)``. All
+    maximal cliques are sought; each vertex keeps the one with the greatest sum of W over its pairs, and
+    each clique that was kept proposes its least-squares motion. The best has the greatest sum of ``1 - r /
+    tolerance`` over the residuals ``r < tolerance``.
+
+    Cost O(n^2) tests of pairs, a step for each path of two edges, and the cliques. Memory 14 bytes for each
+    of the two directions of a pair that agrees.
+
+    Returns
+    -------
+    Grouping
+        The correspondences with a residual below `tolerance` under `Grouping.model`. The score of a
+        correspondence is the weight of the heaviest clique that contains it, 0 where none does. Without a
+        clique that fixes a motion, the group is empty. Diagnostics: ``vertices`` of the graph,
+        ``reduced_vertices`` among which cliques were sought, ``cliques`` found, ``hypotheses`` judged; and
+        ``truncated`` where the search ended at `max_cliques` or `max_seconds`, or where the graph has only
+        the vertices of the highest degrees, because all would exceed `max_memory` or 2^30 paths.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup import mac
+    >>> rng = np.random.default_rng(0)
+    >>> source = rng.uniform(0, 100, size=(500, 3))
+    >>> target = source[:, [1, 2, 0]] + 5.0
+    >>> target[25:] = rng.uniform(0, 100, size=(475, 3))
+    >>> result = mac(source, target, resolution=1.0)
+    >>> bool(result.mask[:25].all()), result.model[:3, 3].round(1)
+    (True, array([5., 5., 5.]))
+    """
+
+
+@method(
+    "sc2pcr",
+    label="SC2-PCR",
+    idea="sets with common others",
+    complexity="n²",
+    color="#E69F00",
+    marker=">",
+    citation="Chen et al., CVPR 2022",
+    notes={
+        "candidates": "Such as those of its 100 nearest descriptors (`cgroup.features.match`, k=100). The "
+        "pose is then chosen as in SC2-PCR++ (Chen et al., TPAMI 2023): each of the 50 poses "
+        "with the most inliers is refined by one round. Source points that it moves within "
+        "`tolerance` of a candidate take the first one within ``1.5 * tolerance``, and the "
+        "score of the pose is the most of them that are compatible, at half the bound, with one "
+        "of them. The published `k1` and `k2` are 20 and 10 then.",
+        "max_memory": "A compatibility matrix (n^2 bytes) that is larger is recomputed for each power step. "
+        "Where the graph of compatible pairs (n^2 / 8 bytes) is larger, only the most confident "
+        "correspondences whose graph fits give seeds and sets: `Grouping.complete` is False, "
+        'and ``diagnostics["vertices"]`` is their number.',
+    },
+)
+def sc2pcr() -> None:
+    """SC2-PCR: correspondences that agree with the same others follow the same motion.
+
+    Chen, Sun, Yang, Tao, "SC2-PCR: A Second Order Spatial Compatibility for Efficient and
+    Robust Point Cloud Registration", CVPR 2022, section 3. Two correspondences are compatible where
+    ``|ds - dt|`` is below `max_distance_difference`; their second-order compatibility is the number of others
+    that are compatible (at half that bound) with both. Seeds are the correspondences with the highest
+    confidence, their entry in the principal eigenvector of the compatibility. Around each seed a consensus
+    set is built in two stages; the weighted least-squares pose of a set with the most inliers is refined.
+    Ties go to the lowest row, so that the group may depend on the order of the rows. Cost O(n^2) per power
+    step, and O(n^3 / 64) for the share of pairs that are compatible.
+
+    Returns
+    -------
+    Grouping
+        The inliers of `Grouping.model`, the refined pose. Its scores are the confidences. Where no set fixes
+        a pose the group is empty.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup import sc2pcr
+    >>> rng = np.random.default_rng(0)
+    >>> source = rng.uniform(0, 100, size=(500, 3))
+    >>> target = source[:, [1, 2, 0]] + 5.0
+    >>> target[50:] = rng.uniform(0, 100, size=(450, 3))
+    >>> result = sc2pcr(source, target, resolution=1.0)
+    >>> bool(result.mask[:50].all()), result.model[:3, 3].round(1)
+    (True, array([5., 5., 5.]))
+    """
+
+
+@method(
+    "turboreg",
+    label="TurboReg",
+    idea="triangles on heavy pairs",
+    complexity="n²",
+    color="#56B4E9",
+    marker="p",
+    citation="Yan et al., ICCV 2025",
+    notes={
+        "max_memory": "Where the graph of compatible pairs (n^2 / 8 bytes) is larger, only the "
+        "correspondences that are compatible with the most others, as many as fit, give "
+        'triangles: `Grouping.complete` is False, and ``diagnostics["vertices"]`` is their '
+        "number.",
+    },
+)
+def turboreg() -> None:
+    """TurboReg: poses of triangles around the pairs that agree with the same others.
+
+    Yan, Shi, Zhao, Wang, Cao, Wu, Li, "TurboReg: TurboClique for Robust and Efficient Point
+    Cloud Registration", ICCV 2025, section 3. Two correspondences are compatible where ``|ds - dt|`` is below
+    `max_distance_difference`, a bound far below the tolerance, and ``ds + dt`` exceeds `nms_radius`; the
+    weight of such a pair is the number of others that are compatible with both. The heaviest pairs are
+    pivots, and each gives the triangles of greatest weight. The pose of a triangle that is the best by
+    `choice` is refined. Ties go to the lowest row, so that the group may depend on the order of the rows.
+    Cost O(n^2) tests of pairs, and O(n^3 / 64) for the share of pairs that are compatible.
+
+    Returns
+    -------
+    Grouping
+        The inliers of `Grouping.model`, the refined pose. Without any triangle the group is empty.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup import turboreg
+    >>> rng = np.random.default_rng(0)
+    >>> source = rng.uniform(0, 100, size=(500, 3))
+    >>> target = source[:, [1, 2, 0]] + 5.0
+    >>> target[25:] = rng.uniform(0, 100, size=(475, 3))
+    >>> result = turboreg(source, target, resolution=1.0)
+    >>> bool(result.mask[:25].all()), result.model[:3, 3].round(1)
+    (True, array([5., 5., 5.]))
+    """
+
+
+@method(
+    "teaser",
+    label="TEASER++",
+    idea="clique, truncated fit",
+    complexity="n² + search",
+    color="#E8601C",
+    marker="H",
+    citation="Yang, Shi, Carlone, T-RO 2021",
+    notes={"max_memory": _REFUSED},
+)
+def teaser() -> None:
+    """TEASER++: truncated least squares, after pruning those that disagree in pairs.
+
+    Yang, Shi, Carlone, *TEASER: Fast and certifiable point cloud registration*, T-RO 2021,
+    with the pruning by core numbers of ROBIN (ICRA 2021) and KISS-Matcher (ICRA 2025). Two correspondences
+    are joined where ``|ds - dt| < max_distance_difference`` and ``0 < ds + dt`` (section IV). The
+    rotation is that of graduated non-convexity on the differences of each kept point to the next (section
+    VII), the translation that of adaptive voting along each axis (section V). Costs and ranges are in units
+    of the tolerance, so that an outlier costs 1 in the voting, as in the paper; the published code has the
+    tolerance itself there, and its voting depends on the unit of length. Each point's next one, and the
+    choice among several maximum cliques, depend on the order of the rows, and so may the group. Cost O(n^2)
+    tests of pairs, memory n^2 / 8 bytes.
+
+    Returns
+    -------
+    Grouping
+        Those kept by the pruning whose residual under `Grouping.model` is at most `tolerance` along each
+        axis of the target; without three kept that fix a rotation, none. With an estimated scale s the
+        model is a similarity, ``s R`` in its upper left; s is ``scale`` in the diagnostics, and
+        `Grouping.transform` remains a rigid motion, without the scale. Diagnostics: ``kept``, the number left
+        by the pruning, and ``steps``. ``truncated`` is 1 where the search for a clique ran out of steps, so
+        that the clique is the largest found, or where the scale is estimated from a sample of the pairs.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup import teaser
+    >>> rng = np.random.default_rng(0)
+    >>> source = rng.uniform(0, 100, size=(500, 3))
+    >>> target = source[:, [1, 2, 0]] + 5.0
+    >>> target[100:] = rng.uniform(0, 100, size=(400, 3))
+    >>> result = teaser(source, target, tolerance=0.1)
+    >>> bool(result.mask[:100].all()), result.model[:3, 3].round(1)
+    (True, array([5., 5., 5.]))
+    """
+
+
+@method(
+    "clipper",
+    label="CLIPPER",
+    idea="densest agreeing set",
+    complexity="n² + agreeing pairs per step",
+    color="#4EB265",
+    marker="d",
+    citation="Lusk, Fathian, How, ICRA 2021",
+    notes={"max_memory": f"{_REFUSED} Affinities that don't fit are recomputed in each step."},
+)
+def clipper() -> None:
+    """CLIPPER: the densest set of correspondences that all agree with each other.
+
+    Lusk, Fathian, How, ICRA 2021 (Algorithm 1), with the certificate of CLIPPER+ (Fathian,
+    Summers, RA-L 2024). Affinities ``M_ij = exp(-(ds - dt)^2 / (2 deviation^2))`` of pairs with ``|ds - dt| <
+    max_distance_difference`` that share no point; two others exclude each other. Projected gradient ascent
+    maximizes ``u' M u`` for ``u >= 0``, ``|u| = 1``, with a penalty on excluded pairs that grows until
+    none is left. The group has the ``round(u' M u)`` correspondences of the greatest u. Rounding, which
+    depends on the order of the rows, may decide between nearly equal sets. Cost O(n^2) tests of pairs and
+    O(pairs that agree) per step; memory n^2 / 8 bytes, and 4 per agreeing ordered pair where that fits.
+
+    Returns
+    -------
+    Grouping
+        The selected set, and its least-squares motion as `Grouping.model`; fewer than three, or a set on one
+        line, are no group. The scores are u. `diagnostics`: ``objective`` is ``u' M u``, ``rounds`` the
+        number of penalties, and ``certified`` 1 where the set is proved to be a clique that no other exceeds
+        in size: it has as many members as the greatest core number plus one, or as a colouring has colours.
+        Where 1,000 rounds, or a penalty of 1e9, were not enough, ``truncated`` is 1.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup import clipper
+    >>> rng = np.random.default_rng(0)
+    >>> source = rng.uniform(0, 100, size=(500, 3))
+    >>> target = source[:, [1, 2, 0]] + 5.0
+    >>> target[100:] = rng.uniform(0, 100, size=(400, 3))
+    >>> result = clipper(source, target, max_distance_difference=0.01)
+    >>> bool(result.mask[:100].all()), result.diagnostics["certified"]
+    (True, 1.0)
+    """
