@@ -27,15 +27,12 @@ class System:
     def member_of(self, *lines):
         (self.proc / "self/cgroup").write_text("".join(f"{line}\n" for line in lines))
 
-    def mounts(self, *lines):
-        (self.proc / "self/mountinfo").write_text("".join(f"{line}\n" for line in lines))
-
-    def limit(self, path, limit, used, reclaimable=0, names=("memory.max", "memory.current")):
-        """Limit a group, of version 2 by default."""
+    def limit(self, path, limit, used, reclaimable=0):
+        """Limit a group."""
         folder = self.groups / path
         folder.mkdir(parents=True, exist_ok=True)
-        for name, value in zip(names, (limit, used), strict=True):
-            (folder / name).write_text(f"{value}\n")
+        (folder / "memory.max").write_text(f"{limit}\n")
+        (folder / "memory.current").write_text(f"{used}\n")
         (folder / "memory.stat").write_text(f"anon 5\ninactive_file {reclaimable}\n")
 
 
@@ -76,25 +73,10 @@ def test_the_groups_around_the_process_s_count_too(system, limited):
     assert memory.default_max_memory() == GIB // 4
 
 
-def test_groups_of_the_first_version(system):
-    system.available(PLENTY)
-    place = system.groups / "memory"
-    system.member_of("9:cpu,cpuacct:/jobs/7", "4:memory:/jobs/7", "0::/jobs/7")
-    mount = f"35 31 0:32 / {place} rw,relatime - cgroup cgroup rw,memory".replace(
-        "control groups", "control\\040groups"
-    )
-    system.mounts("31 23 0:28 / /sys/fs/cgroup rw - tmpfs tmpfs rw", mount)
-    names = ("memory.limit_in_bytes", "memory.usage_in_bytes")
-    system.limit("memory/jobs/7", (1 << 63) - 4096, 0, names=names)  # what stands there without a limit
-    system.limit("memory/jobs", GIB, GIB // 2, names=names)
-    assert memory.default_max_memory() == GIB // 8
-
-
 def test_a_group_that_is_mounted_by_itself(system):
     system.available(PLENTY)
-    system.member_of("0::/docker/abc/inner")
-    system.mounts(f"41 31 0:38 /docker/abc {system.proc} rw - cgroup2 cgroup2 rw")
-    system.limit(system.proc / "inner", GIB, 0)
+    system.member_of("9:cpu,memory:/other", "0::/docker/abc/inner")
+    system.limit(".", GIB, 0)
     assert memory.default_max_memory() == GIB // 4
 
 

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import mmap
 import os
-import re
 import sys
 from contextlib import contextmanager, suppress
 from functools import cache
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,7 +29,7 @@ SHARE_OF_FREE = 4
 """Nor more than one part in four of what is free."""
 
 UNKNOWN_FREE = 4 << 30
-"""Taken to be free where the system does not tell."""
+"""Bytes assumed free where the system does not report them."""
 
 SMALL = 32 << 20
 """Bytes that a problem gets without a look at what is free, which takes longer than to solve it."""
@@ -43,7 +42,7 @@ _LINEAR_ALGEBRA = 128 << 20
 
 PROC = Path("/proc")
 CONTROL_GROUPS = Path("/sys/fs/cgroup")
-"""Where control groups are mounted unless the system says otherwise."""
+"""Mount point of control groups."""
 
 
 def reserve_linear_algebra() -> None:
@@ -116,31 +115,19 @@ def _free_address_space() -> int:
         return limit
 
 
-_NO_LIMIT = 1 << 60
-"""Version 1 has a number like this where there is no limit."""
-
-_Names = tuple[str, str, str]
-"""What a control group's files of its limit and its use are called, and the bytes that can be reclaimed."""
-
-_SECOND = ("memory.max", "memory.current", "inactive_file")
-_FIRST = ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file")
-
-
 def _free_in_groups() -> int:
-    """Bytes up to the nearest of the limits of the process's control groups and those around them."""
-    return min((_free_in_group(folder, names) for folder, names in _groups()), default=MOST * SHARE_OF_FREE)
+    """Bytes up to the nearest limit of the process's control group (version 2) and of those around it."""
+    return min(map(_free_in_group, _groups()), default=MOST * SHARE_OF_FREE)
 
 
-def _free_in_group(folder: Path, names: _Names) -> int:
+def _free_in_group(folder: Path) -> int:
     plenty = MOST * SHARE_OF_FREE
     try:
-        limit, used = (int((folder / name).read_text(encoding="ascii")) for name in names[:2])
+        limit, used = (int((folder / name).read_text("ascii")) for name in ("memory.max", "memory.current"))
     except (OSError, ValueError):  # "max", or nothing
         return plenty
-    if limit >= _NO_LIMIT or limit - used >= plenty:
-        return plenty
     # The system keeps some files only while nobody needs the memory.
-    return limit - used + (_number_in(folder / "memory.stat", names[2]) or 0)
+    return min(plenty, limit - used + (_number_in(folder / "memory.stat", "inactive_file") or 0))
 
 
 def _number_in(path: Path, name: str) -> int | None:
@@ -153,54 +140,13 @@ def _number_in(path: Path, name: str) -> int | None:
 
 
 @cache
-def _groups() -> list[tuple[Path, _Names]]:
-    """Return the folders of the process's memory groups, of either version, and of all around them."""
-    return [
-        (folder, names)
-        for names, place, root, path in _memberships()
-        for folder in _with_ancestors(place, root, path)
-        if (folder / names[0]).exists()
-    ]
-
-
-def _memberships() -> list[tuple[_Names, Path, str, str]]:
-    """Return, for each version in use, its mount point, the group mounted there, and the process's group."""
-    found = []
-    for line in _lines_of("self/cgroup"):
-        _, controllers, path = line.split(":", 2)
-        if not controllers:
-            found.append((_SECOND, *_mount("cgroup2", ""), path))
-        elif "memory" in controllers.split(","):
-            found.append((_FIRST, *_mount("cgroup", "memory"), path))
-    return found or [(_SECOND, CONTROL_GROUPS, "/", "/"), (_FIRST, CONTROL_GROUPS / "memory", "/", "/")]
-
-
-def _mount(kind: str, controller: str) -> tuple[Path, str]:
-    """Return the mount point of a hierarchy of control groups, and the group that is mounted there."""
-    for line in _lines_of("self/mountinfo"):
-        place, _, rest = line.partition(" - ")
-        fields, described = place.split(), rest.split()
-        if len(fields) < 5 or not described or described[0] != kind:
-            continue
-        if not controller or controller in described[-1].split(","):
-            return Path(_unescaped(fields[4])), _unescaped(fields[3])
-    return CONTROL_GROUPS / controller, "/"
-
-
-def _lines_of(name: str) -> list[str]:
-    try:
-        return (PROC / name).read_text(encoding="utf-8").splitlines()
-    except OSError:
-        return []
-
-
-def _with_ancestors(place: Path, root: str, path: str) -> list[Path]:
-    """Return the folder of a group and of those around it, up to the mount point."""
-    group = PurePosixPath(path)
-    inside = group.relative_to(root) if group.is_relative_to(root) else PurePosixPath()
-    return [place / inside, *(place / around for around in inside.parents)]
-
-
-def _unescaped(text: str) -> str:
-    """Undo what mountinfo writes for blanks."""
-    return re.sub(r"\\([0-7]{3})", lambda match: chr(int(match[1], 8)), text)
+def _groups() -> list[Path]:
+    """Return the folders of the process's control group and of those around it, up to the mount point."""
+    group = CONTROL_GROUPS
+    with suppress(OSError):
+        for line in (PROC / "self/cgroup").read_text(encoding="utf-8").splitlines():
+            if line.startswith("0::/"):
+                group = CONTROL_GROUPS / line.removeprefix("0::/")
+    if not group.is_dir():  # where the mount point is the container's own group
+        return [CONTROL_GROUPS]
+    return [folder for folder in (group, *group.parents) if folder.is_relative_to(CONTROL_GROUPS)]
