@@ -17,17 +17,7 @@ __all__ = [
 
 
 class CgroupError(Exception):
-    """Base of every error that cgroup raises on purpose.
-
-    Examples
-    --------
-    >>> import cgroup
-    >>> try:
-    ...     cgroup.nnsr([0.5, 2.0])
-    ... except cgroup.CgroupError as error:
-    ...     print(type(error).__name__)
-    InputError
-    """
+    """Base of every error that cgroup raises on purpose."""
 
 
 class InputError(CgroupError, ValueError):
@@ -79,12 +69,6 @@ class OutOfMemoryError(CgroupError, MemoryError):
     """The system gave no memory for a block that the computation needs, or no threads.
 
     Also a `MemoryError`. The process goes on: free memory, or give fewer points or threads, and call again.
-
-    Examples
-    --------
-    >>> import cgroup
-    >>> issubclass(cgroup.OutOfMemoryError, MemoryError)
-    True
     """
 
 

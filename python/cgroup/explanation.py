@@ -79,19 +79,7 @@ class Explanation:
 
     @property
     def residual_in_resolutions(self) -> float | None:
-        """The residual in pr; None where either isn't known.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> from cgroup import ransac
-        >>> source = np.random.default_rng(0).uniform(size=(50, 3))
-        >>> target = source + 1.0
-        >>> target[49] += 0.5
-        >>> group = ransac(source, target, resolution=0.01, refine=True)
-        >>> round(group.explain(49).residual_in_resolutions, 1)
-        86.6
-        """
+        """The residual in pr; None where either isn't known."""
         if self.residual is None or self.resolution is None:
             return None
         return self.residual / self.resolution

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import inspect
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from cgroup._checks.calls import explain_wrong_calls, refuse_too_many, unknown_option
 from cgroup._checks.fields import FIELDS, Fields
@@ -14,15 +15,8 @@ from cgroup._runtime.memory import default_max_memory, report_refused_memory
 from cgroup._runtime.workers import count_workers, work_side_by_side
 from cgroup.errors import InputError
 from cgroup.methods._call import compute
-from cgroup.registry import METHOD_INFO, PRESETS, MethodInfo, find_method
-from cgroup.types import Correspondences
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterable, Mapping
-
-    from cgroup.registry import MethodName
-    from cgroup.types import Grouping
-
+from cgroup.registry import METHOD_INFO, PRESETS, MethodInfo, MethodName, find_method
+from cgroup.types import Correspondences, Grouping
 
 __all__ = [
     "group",

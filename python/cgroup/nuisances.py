@@ -6,8 +6,9 @@ change the target (``overlap`` both clouds), never the pose.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -21,14 +22,9 @@ from cgroup.errors import InputError
 from cgroup.evaluation import overlap, within
 from cgroup.evaluation.ground_truth import OVERLAP_WITHIN, VISIBLE_WITHIN
 from cgroup.rigid import apply
-from cgroup.types import PointCloud, as_cloud
+from cgroup.types import AnyCloud, BoolArray, FloatArray, IndexArray, PointCloud, as_cloud
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from cgroup.types import AnyCloud, BoolArray, FloatArray, IndexArray
-
-    Nuisance: TypeAlias = Callable[[MatchingPair, float, np.random.Generator], MatchingPair]
+Nuisance: TypeAlias = Callable[[MatchingPair, float, np.random.Generator], MatchingPair]
 
 
 __all__ = [
@@ -164,7 +160,7 @@ def apply_nuisance(name: str, pair: MatchingPair, level: float, rng: np.random.G
     Raises
     ------
     InputError
-        If the name is unknown, or the pair or level can't be worked with.
+        If the name is unknown, the level is out of range, or an argument is of another type.
 
     Examples
     --------
@@ -183,16 +179,13 @@ def apply_nuisance(name: str, pair: MatchingPair, level: float, rng: np.random.G
 
 
 def noise(pair: MatchingPair, level: float, rng: np.random.Generator) -> MatchingPair:
-    """Put Gaussian noise on the target.
+    """Add Gaussian noise to the target.
 
     Parameters
     ----------
-    pair : MatchingPair
-        Left as it is.
-    level : float
-        Standard deviation along each axis, in resolutions of the clean target.
-    rng : numpy.random.Generator
-        Source of the noise.
+    pair, level, rng : MatchingPair, float, numpy.random.Generator
+        As for `apply_nuisance`; the level is the standard deviation along each axis, in resolutions of the
+        clean target.
 
     Returns
     -------
@@ -202,15 +195,7 @@ def noise(pair: MatchingPair, level: float, rng: np.random.Generator) -> Matchin
     Raises
     ------
     InputError
-        If the level is negative, or an argument is of another type.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cgroup.datasets import standin_pair
-    >>> from cgroup.nuisances import noise
-    >>> dict(noise(standin_pair(pixels=60), 2.0, np.random.default_rng(0)).facts)
-    {'noise': 2.0}
+        As for `apply_nuisance`.
     """
     pair, level = _checked(pair, level)
     sigma = level * features.resolution(pair.target.points)
@@ -222,12 +207,8 @@ def density(pair: MatchingPair, level: float, rng: np.random.Generator) -> Match
 
     Parameters
     ----------
-    pair : MatchingPair
-        Left as it is.
-    level : float
-        Share of the points that are kept, above 0 and at most 1.
-    rng : numpy.random.Generator
-        Chooses the points.
+    pair, level, rng : MatchingPair, float, numpy.random.Generator
+        As for `apply_nuisance`; the level is the share of the points that are kept, above 0 and at most 1.
 
     Returns
     -------
@@ -237,32 +218,20 @@ def density(pair: MatchingPair, level: float, rng: np.random.Generator) -> Match
     Raises
     ------
     InputError
-        If the level is out of range or leaves fewer than 100 points, or an argument is of another type.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cgroup.datasets import standin_pair
-    >>> from cgroup.nuisances import density
-    >>> pair = standin_pair(pixels=60)
-    >>> len(pair.target), len(density(pair, 0.25, np.random.default_rng(0)).target)
-    (2299, 575)
+        As for `apply_nuisance`, or if fewer than 100 points are left.
     """
     pair, level = _checked(pair, level)
     return replace(pair, target=decimate(pair.target, level, rng))
 
 
 def voxel_density(pair: MatchingPair, level: float, rng: np.random.Generator) -> MatchingPair:
-    """Thin the target out on a grid.
+    """Downsample the target on a grid.
 
     Parameters
     ----------
-    pair : MatchingPair
-        Left as it is.
-    level : float
-        Share of the points that about are left, above 0 and at most 1.
-    rng : numpy.random.Generator
-        Not made use of: the grid says which points are left.
+    pair, level, rng : MatchingPair, float, numpy.random.Generator
+        As for `apply_nuisance`; the level is the approximate share of points left, above 0 and at most 1. The
+        grid alone determines the points.
 
     Returns
     -------
@@ -272,32 +241,20 @@ def voxel_density(pair: MatchingPair, level: float, rng: np.random.Generator) ->
     Raises
     ------
     InputError
-        If the level is out of range or leaves fewer than 100 points, or an argument is of another type.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cgroup.datasets import standin_pair
-    >>> from cgroup.nuisances import voxel_density
-    >>> pair = standin_pair(pixels=60)
-    >>> len(voxel_density(pair, 0.25, np.random.default_rng(0)).target)  # of 2299
-    575
+        As for `apply_nuisance`, or if fewer than 100 points are left.
     """
     pair, level = _checked(pair, level)
     return replace(pair, target=decimate(pair.target, level, rng, method="voxel"))
 
 
 def less_overlap(pair: MatchingPair, level: float, rng: np.random.Generator) -> MatchingPair:
-    """Cut the same share of both clouds from opposite sides, until they overlap so.
+    """Cut the same share off both clouds, from opposite sides, down to an overlap.
 
     Parameters
     ----------
-    pair : MatchingPair
-        Left as it is.
-    level : float
-        Share of the smaller cloud that the other one shares with it, between 0 and 1.
-    rng : numpy.random.Generator
-        Draws the direction that the cuts run across.
+    pair, level, rng : MatchingPair, float, numpy.random.Generator
+        As for `apply_nuisance`; the level is the share of the smaller cloud that overlaps the other one,
+        between 0 and 1.
 
     Returns
     -------
@@ -307,18 +264,7 @@ def less_overlap(pair: MatchingPair, level: float, rng: np.random.Generator) -> 
     Raises
     ------
     InputError
-        If the level is out of range, more than the overlap now, or leaves fewer than 100 points; or an
-        argument is of another type.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cgroup.datasets import standin_pair
-    >>> from cgroup.nuisances import less_overlap
-    >>> pair = standin_pair(pixels=60)
-    >>> cut = less_overlap(pair, 0.5, np.random.default_rng(0))
-    >>> len(cut.source) < len(pair.source), 0.2 < cut.facts["overlap"] <= 0.5
-    (True, True)
+        As for `apply_nuisance`, or if the level exceeds the present overlap or leaves fewer than 100 points.
     """
     pair, level = _checked(pair, level, "overlap")
     direction = random_direction(as_instance("rng", rng, np.random.Generator))
@@ -354,16 +300,13 @@ def less_overlap(pair: MatchingPair, level: float, rng: np.random.Generator) -> 
 
 
 def more_occlusion(pair: MatchingPair, level: float, rng: np.random.Generator) -> MatchingPair:
-    """Cut the model's points out of the target, until a share of the model is hidden.
+    """Cut the model's points out of the target, up to a hidden share of the model.
 
     Parameters
     ----------
-    pair : MatchingPair
-        Of a model (source) and a scene (target); left as it is.
-    level : float
-        Share of the model that about is hidden then, between 0 and 1.
-    rng : numpy.random.Generator
-        Draws the direction that the cut runs across.
+    pair, level, rng : MatchingPair, float, numpy.random.Generator
+        As for `apply_nuisance`; the level is the approximate share of the model (source) that is hidden in
+        the scene (target), between 0 and 1.
 
     Returns
     -------
@@ -374,17 +317,8 @@ def more_occlusion(pair: MatchingPair, level: float, rng: np.random.Generator) -
     Raises
     ------
     InputError
-        If the level is out of range, less than the occlusion now, or leaves fewer than 100 points; or an
-        argument is of another type.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cgroup.datasets import standin_pair
-    >>> from cgroup.nuisances import more_occlusion
-    >>> hidden = more_occlusion(standin_pair(pixels=60), 0.8, np.random.default_rng(0))
-    >>> 0.7 < hidden.facts["occlusion"] < 0.85
-    True
+        As for `apply_nuisance`, or if the level is below the present occlusion or leaves fewer than 100
+        points.
     """
     pair, level = _checked(pair, level, "occlusion")
     direction = random_direction(as_instance("rng", rng, np.random.Generator))
@@ -407,12 +341,9 @@ def more_clutter(pair: MatchingPair, level: float, rng: np.random.Generator) -> 
 
     Parameters
     ----------
-    pair : MatchingPair
-        Of a model (source) and a scene (target); left as it is.
-    level : float
-        Share of the target's points that aren't the model's then, between 0 and 1.
-    rng : numpy.random.Generator
-        Draws the stones.
+    pair, level, rng : MatchingPair, float, numpy.random.Generator
+        As for `apply_nuisance`; the level is the share of the target's points that are not on the model
+        (source), between 0 and 1.
 
     Returns
     -------
@@ -422,16 +353,7 @@ def more_clutter(pair: MatchingPair, level: float, rng: np.random.Generator) -> 
     Raises
     ------
     InputError
-        If the level is out of range or less than the clutter now, or an argument is of another type.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cgroup.datasets import standin_pair
-    >>> from cgroup.nuisances import more_clutter
-    >>> cluttered = more_clutter(standin_pair(pixels=60), 0.8, np.random.default_rng(0))
-    >>> round(cluttered.facts["clutter"], 2)
-    0.8
+        As for `apply_nuisance`, or if the level is below the present clutter.
     """
     pair, level = _checked(pair, level, "clutter")
     as_instance("rng", rng, np.random.Generator)

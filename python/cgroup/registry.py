@@ -78,11 +78,6 @@ def find_method(name: object, otherwise: str = "") -> MethodInfo:
     ------
     InputError
         If there is no such method; the message lists those that there are, and the one probably meant.
-
-    Examples
-    --------
-    >>> find_method("Hough3D").name, find_method("TEASER++").name
-    ('3dhv', 'teaser')
     """
     info = look_up_method(name)
     if info is None:

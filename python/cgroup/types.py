@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, TypeAlias
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from cgroup import _core
 from cgroup._checks.array_types import BoolArray, FloatArray, IndexArray, RealArray
@@ -16,47 +18,47 @@ from cgroup._checks.hooks import call_hook
 from cgroup._show.drawing import plot
 from cgroup._show.notebook import pose_html, result_table
 from cgroup.errors import InputError, NoConsensusError
+from cgroup.explanation import Explanation
 from cgroup.rigid import apply, check_rigid
 
-if TYPE_CHECKING:
-    import os
-    from typing import Any, Protocol
 
-    from numpy.typing import ArrayLike, NDArray
+class _HasPoints(Protocol):
+    """A cloud of Open3D, small_gicp or PyVista, or one that laspy has read."""
 
-    from cgroup.explanation import Explanation
+    @property
+    def points(self) -> Any: ...  # noqa: ANN401 - of the library's own kind, here and below
 
-    class _HasPoints(Protocol):
-        """A cloud of Open3D, small_gicp or PyVista, or one that laspy has read."""
 
-        @property
-        def points(self) -> Any: ...  # noqa: ANN401 - of the library's own kind, here and below
+class _HasVertices(Protocol):
+    """A mesh of Open3D or trimesh."""
 
-    class _HasVertices(Protocol):
-        """A mesh of Open3D or trimesh."""
+    @property
+    def vertices(self) -> Any: ...  # noqa: ANN401
 
-        @property
-        def vertices(self) -> Any: ...  # noqa: ANN401
 
-    class _HasPoint(Protocol):
-        """A cloud of Open3D's tensors."""
+class _HasPoint(Protocol):
+    """A cloud of Open3D's tensors."""
 
-        @property
-        def point(self) -> Any: ...  # noqa: ANN401
+    @property
+    def point(self) -> Any: ...  # noqa: ANN401
 
-    class _HasVertex(Protocol):
-        """A mesh of Open3D's tensors."""
 
-        @property
-        def vertex(self) -> Any: ...  # noqa: ANN401
+class _HasVertex(Protocol):
+    """A mesh of Open3D's tensors."""
 
-    class _IsMessage(Protocol):
-        """A cloud of ROS."""
+    @property
+    def vertex(self) -> Any: ...  # noqa: ANN401
 
-        fields: Any
-        data: Any
 
-    _Foreign: TypeAlias = _HasPoints | _HasVertices | _HasPoint | _HasVertex | _IsMessage
+class _IsMessage(Protocol):
+    """A cloud of ROS."""
+
+    fields: Any
+    data: Any
+
+
+_Foreign: TypeAlias = _HasPoints | _HasVertices | _HasPoint | _HasVertex | _IsMessage
+
 
 __all__ = [
     "OPTIONAL_FIELDS",
@@ -201,18 +203,6 @@ class Correspondences:
         ------
         InputError
             If the library for it isn't installed, or an argument doesn't fit.
-
-        Examples
-        --------
-        >>> from cgroup.datasets import standin_pair
-        >>> from cgroup.registration import correspond
-        >>> pair = standin_pair(pixels=40)
-        >>> matches = correspond(pair.source, pair.target)
-        >>> figure = matches.plot(
-        ...     pair.source, pair.target, T_target_source=pair.T_target_source
-        ... )
-        >>> type(figure).__name__
-        'Figure'
         """
         given = {"source": source, "target": target, "pose": T_target_source, "correct": correct}
         everything = np.ones(len(self), dtype=bool)
@@ -263,14 +253,6 @@ class Agreement:
         Length that ``ds + dt``, or each of the two, has to exceed, in the data's unit.
     scale : float
         Factor by which `ds` is multiplied first, where the method estimates a scale (TEASER++).
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cgroup import gc
-    >>> source = np.random.default_rng(0).uniform(size=(50, 3))
-    >>> gc(source, source + 1.0, tolerance=0.1).rule.agreement.bound
-    0.1
     """
 
     bound: float
@@ -412,26 +394,12 @@ class Grouping:
 
     @property
     def indices(self) -> IndexArray:
-        """Rows of the selected correspondences, ascending: (m,) array of int64.
-
-        Examples
-        --------
-        >>> from cgroup import nnsr
-        >>> nnsr([0.3, 0.95, 0.7]).indices
-        array([0, 2])
-        """
+        """Rows of the selected correspondences, ascending: (m,) array of int64."""
         return np.flatnonzero(self.mask).astype(np.int64, copy=False)
 
     @property
     def size(self) -> int:
-        """Number of selected correspondences.
-
-        Examples
-        --------
-        >>> from cgroup import nnsr
-        >>> nnsr([0.3, 0.95, 0.7]).size
-        2
-        """
+        """Number of selected correspondences."""
         return int(np.count_nonzero(self.mask))
 
     @property
@@ -441,17 +409,6 @@ class Grouping:
         False where a bound on cliques, steps, time or memory cut the search short:
         ``diagnostics["truncated"]`` is 1 then. The other entries of `diagnostics` tell how far it came, such
         as ``vertices`` or ``cliques`` (MAC).
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> from cgroup import mac
-        >>> rng = np.random.default_rng(0)
-        >>> source, target = rng.uniform(size=(2, 200, 3))
-        >>> mac(source, target, resolution=0.1).complete
-        True
-        >>> mac(source, target, resolution=0.1, max_cliques=1).complete
-        False
         """
         return not self.diagnostics.get("truncated", 0.0)
 
@@ -622,14 +579,6 @@ class PointCloud:
         Where the scanner stood, in the frame of the points, if the file says so. PCD and E57 can't say that
         it was the origin: writers put that where they know no place. None for a file of scans from
         several places.
-
-    Examples
-    --------
-    >>> from cgroup.types import PointCloud
-    >>> import numpy as np
-    >>> cloud = PointCloud(np.zeros((100, 3)))
-    >>> len(cloud), cloud.normals is None
-    (100, True)
     """
 
     points: FloatArray

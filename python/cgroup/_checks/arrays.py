@@ -7,19 +7,16 @@ and whether a mask hides something is a matter of the data, not of the program.
 from __future__ import annotations
 
 from itertools import chain
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
+from cgroup._checks.array_types import BoolArray, FloatArray, IndexArray, RealArray
 from cgroup._checks.foreign import ACCEPTED, as_host_array, cloud_parts
 from cgroup._checks.quoting import cut, escape, show
 from cgroup._checks.values import refusal
 from cgroup.errors import InputError, OutOfMemoryError
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
-    from cgroup._checks.array_types import BoolArray, FloatArray, IndexArray, RealArray
 
 _DEEPEST = 5
 """Lists within lists, beyond which no shape is right anyway."""

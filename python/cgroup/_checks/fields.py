@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
+from numpy.typing import ArrayLike
+
+from cgroup._checks.array_types import RealArray
 from cgroup._checks.arrays import as_reals, real_candidates, real_frames, real_points, real_vector
 from cgroup._checks.values import as_number
 from cgroup.errors import InputError
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from cgroup._checks.array_types import RealArray
 
 
 class Fields(NamedTuple):

@@ -7,16 +7,14 @@ them like any other array. NumPy gets an object that no reader knows.
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from cgroup._checks.hooks import call_hook
 from cgroup._checks.quoting import escape
 from cgroup.errors import InputError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
 
 ACCEPTED = (
     "give (n,3) real numbers: an array, a tensor, a data frame with columns x, y, z, a cloud or mesh of "

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 from cgroup._checks.values import as_count, as_function, as_length
 from cgroup.errors import InputError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 MOST_THREADS = 1024
 

@@ -9,18 +9,15 @@ from __future__ import annotations
 
 import operator
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping
 from numbers import Integral, Real
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 import numpy as np
 
 from cgroup._checks.quoting import escape, show
 from cgroup.errors import InputError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Collection
 
 _Kind = TypeVar("_Kind")
 

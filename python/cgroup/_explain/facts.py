@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cgroup._checks.array_types import BoolArray, FloatArray
 from cgroup._show import words
 from cgroup.errors import NoConsensusError
-from cgroup.types import Agreement
-
-if TYPE_CHECKING:
-    from cgroup._checks.array_types import BoolArray, FloatArray
-    from cgroup.types import Grouping
+from cgroup.types import Agreement, Grouping
 
 _STATED_DIFFERENCE = 3.0
 """Resolutions, where the method has no rule of its own."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -11,11 +11,7 @@ from cgroup._explain.facts import Facts
 from cgroup._explain.rules import judge
 from cgroup.errors import InputError
 from cgroup.explanation import Explanation
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from cgroup.types import Grouping
+from cgroup.types import Grouping
 
 
 def explain_match(grouping: Grouping, index: int) -> Explanation:

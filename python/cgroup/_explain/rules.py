@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cgroup._checks.array_types import FloatArray
+from cgroup._explain.facts import Facts
 from cgroup._show import words
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from cgroup._checks.array_types import FloatArray
-    from cgroup._explain.facts import Facts
-    from cgroup.types import Rule
+from cgroup.types import Rule
 
 
 @dataclass(frozen=True)

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import itertools
 import logging
+from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import CancelledError
 from contextlib import ExitStack, contextmanager, suppress
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 from cgroup._checks.values import refusal
 from cgroup.errors import InputError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Generator, Iterable
 
 _Task = TypeVar("_Task")
 

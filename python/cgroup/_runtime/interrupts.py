@@ -13,15 +13,13 @@ import signal
 import sys
 import time
 from _thread import get_ident, start_new_thread
+from collections.abc import Callable
 from contextlib import suppress
 from importlib.machinery import ExtensionFileLoader
-from typing import TYPE_CHECKING, NoReturn
+from types import FrameType
+from typing import NoReturn, TypeAlias
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from types import FrameType
-
-    Handler = Callable[[int, FrameType | None], None] | signal.Handlers
+Handler: TypeAlias = Callable[[int, FrameType | None], None] | signal.Handlers
 
 INTERRUPTED = 130
 """Exit status of an interrupted command: 128 and the number of the signal."""

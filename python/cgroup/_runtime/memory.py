@@ -5,17 +5,14 @@ from __future__ import annotations
 import mmap
 import os
 import sys
+from collections.abc import Generator
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cgroup.errors import OutOfMemoryError
-
-if TYPE_CHECKING:
-    from collections.abc import Generator
 
 if sys.platform == "win32":
     resource = None

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import Any
 
 from cgroup._checks.values import as_function
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 
 def ignore_progress(*_: object) -> None:

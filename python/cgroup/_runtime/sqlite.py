@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import sqlite3
-from typing import TYPE_CHECKING, NamedTuple
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
+from pathlib import Path
+from typing import NamedTuple
 
 _SECONDS_OF_OTHERS = 60
 """For which another process may be at work on a file."""

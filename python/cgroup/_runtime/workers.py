@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import os
 import threading
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 from cgroup._checks.values import as_count
 from cgroup.errors import OutOfMemoryError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
 
 _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import configparser
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 from cgroup import features
 from cgroup.datasets.base import FITTING_WITHIN, FileDataset, MatchingPair, fitting_pose, posed_pair
@@ -15,10 +15,7 @@ from cgroup.errors import InputError
 from cgroup.io import read_cloud, read_transform
 from cgroup.io._files import load_text
 from cgroup.rigid import apply
-from cgroup.types import PointCloud
-
-if TYPE_CHECKING:
-    from cgroup.types import FloatArray
+from cgroup.types import FloatArray, PointCloud
 
 NOISE_LEVELS = (0.1, 0.3, 0.5)
 """Of the published scenes; the unit is the mean edge length of the model's mesh, 1.4 to 1.6 pr."""

@@ -5,10 +5,11 @@ from __future__ import annotations
 import itertools
 import os
 from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, ClassVar, Generic, Literal, TypeAlias, TypeVar
+from typing import ClassVar, Generic, Literal, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -16,14 +17,9 @@ from cgroup._checks.values import as_length
 from cgroup.errors import InputError
 from cgroup.evaluation import clutter_and_occlusion, overlap, within
 from cgroup.evaluation.ground_truth import OVERLAP_WITHIN
-from cgroup.features import ORIGIN, resolution
+from cgroup.features import ORIGIN, Viewpoint, resolution
 from cgroup.rigid import apply, invert
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
-    from cgroup.features import Viewpoint
-    from cgroup.types import Correspondences, FloatArray, IndexArray, PointCloud
+from cgroup.types import Correspondences, FloatArray, IndexArray, PointCloud
 
 Role: TypeAlias = Literal["full-full", "full-partial", "partial-partial", "correspondences"]
 Origin: TypeAlias = Literal["real", "semi-synthetic", "synthetic"]
@@ -57,12 +53,6 @@ class MatchingPair:
         for whole models, whose normals can't all be turned towards one viewpoint.
     facts : mapping of str to float
         What is known: ``overlap``, ``clutter``, ``occlusion`` (0 to 1), ``noise`` (in the data set's unit).
-
-    Examples
-    --------
-    >>> from cgroup.datasets import standin_pair
-    >>> standin_pair(pixels=60).T_target_source.shape
-    (4, 4)
     """
 
     name: str
@@ -89,13 +79,6 @@ class CorrespondencePair:
         True pose: maps source points into the target's frame.
     facts : mapping of str to float
         What is known of the pair.
-
-    Examples
-    --------
-    >>> from cgroup.datasets import open_dataset
-    >>> matches = open_dataset("generated-matches")
-    >>> matches.load(matches.pair_names()[0]).correspondences.source.shape
-    (200, 3)
     """
 
     name: str
@@ -161,12 +144,6 @@ class Dataset(ABC):
         -------
         list of str
             What `load` takes; always in the same order, without `lacking_pairs`.
-
-        Examples
-        --------
-        >>> from cgroup.datasets import open_dataset
-        >>> open_dataset("standin-full").pair_names()[:2]
-        ['stone0', 'stone1']
         """
 
     @abstractmethod
@@ -187,12 +164,6 @@ class Dataset(ABC):
         ------
         InputError
             If there is no such pair, or its files can't be worked with.
-
-        Examples
-        --------
-        >>> from cgroup.datasets import open_dataset
-        >>> open_dataset("standin-full").load("stone0").name
-        'stone0'
         """
 
     def measure_facts(self, name: str, *, bound: float) -> Mapping[str, float]:
@@ -216,13 +187,6 @@ class Dataset(ABC):
         ------
         InputError
             If there is no such pair, its files can't be worked with, or the bound isn't a length.
-
-        Examples
-        --------
-        >>> from cgroup.datasets import open_dataset
-        >>> views = open_dataset("standin-views")
-        >>> round(views.measure_facts("views5", bound=1)["overlap"], 2)
-        0.57
         """
         pair = self.load(name)
         if not isinstance(pair, MatchingPair) or "overlap" not in pair.facts:
@@ -236,12 +200,6 @@ class Dataset(ABC):
         -------
         mapping of str to Path
             The first missing file of each pair that the data set should have, as far as it knows.
-
-        Examples
-        --------
-        >>> from cgroup.datasets import open_dataset
-        >>> len(open_dataset("standin-full").lacking_pairs())
-        0
         """
         return self._lacking
 
@@ -252,12 +210,6 @@ class Dataset(ABC):
         -------
         str
             How many pairs lack files, and which the first of them are; empty where nothing is missing.
-
-        Examples
-        --------
-        >>> from cgroup.datasets import open_dataset
-        >>> open_dataset("standin-full").note()
-        ''
         """
         lacking = self.lacking_pairs()
         if not lacking:
@@ -286,12 +238,6 @@ class Dataset(ABC):
         ------
         InputError
             If there is no such pair.
-
-        Examples
-        --------
-        >>> from cgroup.datasets import open_dataset
-        >>> open_dataset("standin-views").origin_of("views0")
-        'synthetic'
         """
         self.check_name(name)
         return self.origin
@@ -313,12 +259,6 @@ class Dataset(ABC):
         ------
         InputError
             If there is no such pair.
-
-        Examples
-        --------
-        >>> from cgroup.datasets import open_dataset
-        >>> open_dataset("standin-views").protocols_of("views0")
-        ('precision>0.1', 'rmse<=1pr', 'rmse<=5pr')
         """
         self.check_name(name)
         return self.protocols
@@ -340,12 +280,6 @@ class Dataset(ABC):
         ------
         InputError
             If there is no such pair.
-
-        Examples
-        --------
-        >>> from cgroup.datasets import open_dataset
-        >>> open_dataset("standin-views").subject_of("views3")
-        'views3'
         """
         self.check_name(name)
         return self.name
@@ -362,14 +296,6 @@ class Dataset(ABC):
         ------
         InputError
             If there is no such pair.
-
-        Examples
-        --------
-        >>> from cgroup.datasets import open_dataset
-        >>> open_dataset("standin-full").check_name("pebble")
-        Traceback (most recent call last):
-            ...
-        cgroup.errors.InputError: standin-full: has no pair 'pebble'; it has 6, such as 'stone0'
         """
         names = self.pair_names()
         if name in self.lacking_pairs():
@@ -456,14 +382,6 @@ def data_root(given: Path | str | None = None) -> Path:
     ------
     InputError
         If neither is given, or the folder doesn't exist.
-
-    Examples
-    --------
-    >>> from pathlib import Path
-    >>> from cgroup.datasets import data_root
-    >>> Path("data").mkdir()
-    >>> data_root("data").name
-    'data'
     """
     value = given if given is not None else os.environ.get("CGROUP_DATA")
     if not value:

@@ -6,18 +6,16 @@ import hashlib
 import io
 import os
 import sys
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from cgroup.errors import InputError
 from cgroup.io._files import read_content, write_file
 from cgroup.io._results import make_folder, remove_file
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
 
 # The variable that names the folder for caches, and that folder in the home otherwise; by platform.
 _CACHES = {"darwin": ("XDG_CACHE_HOME", "Library/Caches"), "win32": ("LOCALAPPDATA", "AppData/Local")}

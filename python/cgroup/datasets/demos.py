@@ -6,7 +6,8 @@ Pomerleau et al.: Challenging data sets for point cloud registration algorithms,
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from pathlib import Path
+from typing import NamedTuple
 
 from cgroup import features
 from cgroup.datasets.base import CorrespondencePair, FileDataset, MatchingPair, fitting_pose
@@ -14,9 +15,6 @@ from cgroup.evaluation import overlap
 from cgroup.evaluation.ground_truth import CORRECT_WITHIN
 from cgroup.io import read_cloud, read_correspondences, read_transform
 from cgroup.types import Correspondences
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 TCF_URL = "https://github.com/ShiPC-AI/TCF"
 

@@ -6,9 +6,9 @@ Zhou, Park and Koltun: Fast global registration, ECCV 2016.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cgroup import features
 from cgroup.datasets.base import (
@@ -23,12 +23,7 @@ from cgroup.io import read_cloud
 from cgroup.io._files import read_content
 from cgroup.io._logs import read_log
 from cgroup.io._numpy_files import read_arrays
-from cgroup.types import Correspondences
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from cgroup.types import FloatArray, IndexArray, PointCloud
+from cgroup.types import Correspondences, FloatArray, IndexArray, PointCloud
 
 # Of the target and the source: gt.log maps cloud 1 into the frame of cloud 0.
 _CLOUDS = ("Depth_0000.ply", "Depth_0001.ply")

@@ -6,7 +6,8 @@ Choy, Park and Koltun: Fully convolutional geometric features, ICCV 2019 (the pa
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,12 +16,8 @@ from cgroup.errors import InputError
 from cgroup.io import read_cloud, read_transform
 from cgroup.io._files import load_numbers, load_text, parse_file
 from cgroup.rigid import check_rigid, invert
+from cgroup.types import FloatArray, PointCloud
 from cgroup.verification import FineSurface, align
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cgroup.types import FloatArray, PointCloud
 
 SEQUENCES = (8, 9, 10)
 """The test sequences."""

@@ -8,22 +8,16 @@ the wrong matches of a problem do.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cgroup.errors import InputError
 from cgroup.rigid import apply
 from cgroup.rigid.transforms import turn
-from cgroup.types import Correspondences
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from numpy.typing import NDArray
-
-    from cgroup.types import BoolArray, FloatArray
+from cgroup.types import BoolArray, Correspondences, FloatArray
 
 CORRECT_WITHIN = 5.0
 """pr. A match is correct where the true pose leaves no greater distance."""
@@ -69,13 +63,6 @@ class MatchingProblem:
         The true pose.
     recipe : str
         What it was drawn from, for messages.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cgroup.datasets import make_problem
-    >>> make_problem(np.random.default_rng(0), 100, inlier_ratio=0.3).source_lrf.shape
-    (100, 3, 3)
     """
 
     source: FloatArray
@@ -103,13 +90,6 @@ class MatchingProblem:
         -------
         Correspondences
             With every field but candidates.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> from cgroup.datasets import make_problem
-        >>> len(make_problem(np.random.default_rng(0), 100).correspondences())
-        100
         """
         return Correspondences(
             self.source,
@@ -139,14 +119,6 @@ class MatchingProblem:
         ------
         IndexError
             For a row that isn't there.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> from cgroup.datasets import make_problem
-        >>> problem = make_problem(np.random.default_rng(0), 100)
-        >>> problem.subset(np.flatnonzero(problem.inlier_mask)).inlier_mask.all().item()
-        True
         """
         names = ("source", "target", "ratio", "similarity", "source_lrf", "target_lrf", "inlier_mask")
         return replace(self, **{name: getattr(self, name)[rows] for name in names})
@@ -163,15 +135,6 @@ class MatchingProblem:
         -------
         MatchingProblem
             With the pose between the moved sides.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> from cgroup.datasets import make_problem
-        >>> problem = make_problem(np.random.default_rng(0), 100)
-        >>> aligned = problem.moved(problem.T_target_source, np.eye(4))
-        >>> bool(np.allclose(aligned.T_target_source, np.eye(4)))
-        True
         """
         inverse = np.linalg.inv(source_motion)
         return replace(
@@ -196,13 +159,6 @@ class MatchingProblem:
         -------
         MatchingProblem
             The same motion in the new unit.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> from cgroup.datasets import make_problem
-        >>> make_problem(np.random.default_rng(0), 100).scaled(0.001).resolution
-        0.001
         """
         transform = self.T_target_source.copy()
         transform[:3, 3] *= factor

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 from cgroup.errors import InputError
 from cgroup.io._files import load_json, load_text
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 def manifest_pairs(root: Path, dataset: str) -> list[dict[str, Any]]:

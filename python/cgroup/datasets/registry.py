@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from pathlib import Path
 
 from cgroup._checks.values import guess_word, refuse_word
 from cgroup._runtime.plugins import load_plugin
@@ -20,10 +21,6 @@ from cgroup.datasets.u3m import U3M
 from cgroup.datasets.u3or import U3OR
 from cgroup.datasets.u3or_dense import U3ORDense
 from cgroup.errors import InputError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
 
 DATASETS: dict[str, Callable[[Path | None], Dataset]] = {
     kind.name: kind

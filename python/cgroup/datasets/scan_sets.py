@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,12 +19,7 @@ from cgroup.errors import InputError
 from cgroup.io import read_cloud
 from cgroup.io._files import load_json, load_text
 from cgroup.rigid import apply, check_rigid, invert
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
-    from pathlib import Path
-
-    from cgroup.types import FloatArray
+from cgroup.types import FloatArray
 
 _TURNS, _PIXELS = (0.0, 36.0, 72.0, 108.0, 144.0, 180.0), 90
 _MIRROR = np.diag([-1.0, 1.0, 1.0, 1.0])

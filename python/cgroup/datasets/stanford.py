@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,16 +16,12 @@ from cgroup.datasets.base import FileDataset, MatchingPair, measure_overlap
 from cgroup.datasets.cache import cached
 from cgroup.datasets.pose_lists import manifest_pairs
 from cgroup.errors import InputError
+from cgroup.features import Viewpoint
 from cgroup.io import read_cloud
 from cgroup.io._files import load_text
 from cgroup.rigid import invert
 from cgroup.rigid.transforms import turn
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cgroup.features import Viewpoint
-    from cgroup.types import FloatArray
+from cgroup.types import FloatArray
 
 MIN_OVERLAP = 0.1
 """Pairs of views that share less than this are left out."""

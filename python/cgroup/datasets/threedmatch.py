@@ -6,7 +6,8 @@ Huang et al.: Predator: Registration of 3D point clouds with low overlap, CVPR 2
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from pathlib import Path
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -16,12 +17,7 @@ from cgroup.datasets.voxels import voxel_means
 from cgroup.io import read_cloud
 from cgroup.io._logs import read_log
 from cgroup.rigid import check_rigid
-from cgroup.types import PointCloud
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cgroup.types import FloatArray
+from cgroup.types import FloatArray, PointCloud
 
 VOXEL = 0.025
 """Edge length in m of the cells that fragments are thinned out to; the resolution is then about 16 mm."""

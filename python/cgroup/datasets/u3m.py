@@ -6,7 +6,9 @@ registration of range images, IJCV 66(1), 2006.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,12 +17,7 @@ from cgroup.errors import InputError
 from cgroup.io import read_cloud
 from cgroup.io._files import load_text
 from cgroup.rigid import check_rigid
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from cgroup.types import FloatArray
+from cgroup.types import FloatArray
 
 LIST_FILE = "pairs.txt"
 """In each model's folder: one line per pair, file of the source, file of the target, and 16 numbers, a 4x4

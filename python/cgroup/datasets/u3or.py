@@ -7,25 +7,20 @@ scenes, IEEE TPAMI 28(10), 2006.
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-from cgroup.datasets.base import FileDataset, MatchingPair, faces_of, fitting_pose, measure_clutter
+from cgroup.datasets.base import FileDataset, MatchingPair, Origin, faces_of, fitting_pose, measure_clutter
 from cgroup.datasets.cache import cached
 from cgroup.datasets.generated.scanner import Mesh, RangeImage, merge, range_image
 from cgroup.errors import InputError
 from cgroup.evaluation.ground_truth import VISIBLE_WITHIN
 from cgroup.io import read_cloud, read_transform
 from cgroup.io._files import load_text
-from cgroup.types import PointCloud
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-
-    from cgroup.datasets.base import Origin
-    from cgroup.types import FloatArray
+from cgroup.types import FloatArray, PointCloud
 
 MODEL_FILES = {
     "chef": ("cheff.ply", "cheff_simple.ply"),

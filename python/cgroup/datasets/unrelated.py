@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cgroup.datasets.base import Dataset, MatchingPair
+from cgroup.features import Viewpoint
 from cgroup.types import PointCloud
-
-if TYPE_CHECKING:
-    from cgroup.datasets.base import Dataset, MatchingPair
-    from cgroup.features import Viewpoint
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,12 +21,6 @@ class UnrelatedPair:
         In the same unit, each in its own frame.
     source_viewpoint, target_viewpoint : (float, float, float)
         Where the scanners stood, in their clouds' frames.
-
-    Examples
-    --------
-    >>> from cgroup.datasets import mirror, standin_pair
-    >>> mirror(standin_pair(pixels=60)).source_viewpoint
-    (0.0, 0.0, 0.0)
     """
 
     source: PointCloud
@@ -50,12 +41,6 @@ def mixed_names(dataset: Dataset) -> list[tuple[str, str]]:
     -------
     list of (str, str)
         Names of the pairs that give the source and the target, always in the same order.
-
-    Examples
-    --------
-    >>> from cgroup.datasets import mixed_names, open_dataset
-    >>> mixed_names(open_dataset("standin-views"))[:2]
-    [('views0', 'views1'), ('views0', 'views2')]
     """
     subjects = {name: dataset.subject_of(name) for name in dataset.pair_names()}
     return [
@@ -75,13 +60,6 @@ def mix(first: MatchingPair, second: MatchingPair) -> UnrelatedPair:
     -------
     UnrelatedPair
         The first's source and the second's target, with their viewpoints.
-
-    Examples
-    --------
-    >>> from cgroup.datasets import mix, standin_pair
-    >>> pair, other = standin_pair(pixels=60), standin_pair(seed=1, pixels=60)
-    >>> mix(pair, other).target is other.target
-    True
     """
     return UnrelatedPair(first.source, second.target, first.source_viewpoint, second.target_viewpoint)
 

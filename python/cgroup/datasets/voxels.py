@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-if TYPE_CHECKING:
-    from cgroup.types import FloatArray
+from cgroup.types import FloatArray
 
 _MOST_CELLS = 1e6  # along an axis, so that the number of a cell fits into 64 bits
 

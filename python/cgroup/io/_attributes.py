@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from cgroup.io._e57 import unread_fields
 from cgroup.io._files import printable
-
-if TYPE_CHECKING:
-    import os
 
 _HEAD = 1 << 16  # bytes of a file that its header takes at most
 _MOST_NAMED = 12

@@ -5,23 +5,19 @@ from __future__ import annotations
 import os
 import struct
 from collections import Counter
-from typing import TYPE_CHECKING, BinaryIO, NamedTuple
+from typing import BinaryIO, NamedTuple
 from xml.etree import ElementTree as ET
+from xml.etree.ElementTree import Element
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cgroup.errors import InputError
 from cgroup.io._content import CloudContent, join
 from cgroup.io._files import check_growth
 from cgroup.io.transforms import from_quaternions
 from cgroup.rigid import apply
-
-if TYPE_CHECKING:
-    from xml.etree.ElementTree import Element
-
-    from numpy.typing import NDArray
-
-    from cgroup.types import FloatArray
+from cgroup.types import FloatArray
 
 _PAGE, _USED = 1024, 1020  # bytes of a page, and of these before its checksum
 _PAGES = 4096  # whose checksums are computed at a time

@@ -8,21 +8,18 @@ import json
 import os
 import stat
 import struct
+from collections.abc import Callable, Generator, Iterable
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 from cgroup import _core
 from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_instance, as_path
 from cgroup.errors import InputError
 from cgroup.io._parts import remove_dead_parts, replace_whole
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Generator, Iterable
-
-    from cgroup.types import FloatArray
+from cgroup.types import FloatArray
 
 Result = TypeVar("Result")
 
@@ -49,14 +46,6 @@ def write_file(path: str | os.PathLike[str], content: bytes) -> None:
     ------
     InputError
         If the path is a link, a pipe or a device, or the file can't be written, with the system's reason.
-
-    Examples
-    --------
-    >>> from pathlib import Path
-    >>> from cgroup.io import write_file
-    >>> write_file("notes.txt", b"scan 3 is upside down")
-    >>> Path("notes.txt").read_text()
-    'scan 3 is upside down'
     """
     path, content = as_path("path", path), as_instance("content", content, bytes)
     check_outputs([path])

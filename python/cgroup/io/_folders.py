@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import glob
 import os
+from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from cgroup._checks.quoting import escape
 from cgroup._checks.values import as_path
 from cgroup.errors import InputError
 from cgroup.io.clouds import PARSERS
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
 
 _OTHERS_TOO = {".csv", ".npy", ".npz", ".txt"}
 """Suffixes of clouds that poses, matches and notes have as well: a folder's are not taken."""

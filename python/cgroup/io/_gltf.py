@@ -6,21 +6,18 @@ import base64
 import json
 import struct
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from urllib.parse import unquote
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cgroup.errors import InputError
 from cgroup.io._content import CloudContent, join
 from cgroup.io._files import check_growth, read_content
 from cgroup.rigid import apply
 from cgroup.rigid.transforms import turn
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from cgroup.types import FloatArray, IndexArray
+from cgroup.types import FloatArray, IndexArray
 
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 
 from cgroup.errors import InputError
 from cgroup.io._files import load_text, number_lines
 from cgroup.rigid import check_rigid
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-
-    from cgroup.types import FloatArray, IndexArray
+from cgroup.types import FloatArray, IndexArray
 
 
 def read_log(path: Path) -> dict[tuple[int, int], FloatArray]:

@@ -5,21 +5,17 @@ from __future__ import annotations
 import io
 import math
 import zipfile
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable
+from pathlib import Path
+from typing import IO, Any
 
 import numpy as np
 from numpy.lib import format as npy_format
+from numpy.typing import ArrayLike, NDArray
 
 from cgroup._checks.arrays import as_array
 from cgroup.errors import InputError
 from cgroup.io._files import check_growth, parse_file, printable, write_file
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-    from pathlib import Path
-    from typing import IO
-
-    from numpy.typing import ArrayLike, NDArray
 
 _KINDS = "biuf"  # numbers and truth values; others are records, texts, dates or pickled objects
 _CHUNK = 16 << 20  # bytes unpacked at a time

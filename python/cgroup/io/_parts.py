@@ -8,12 +8,9 @@ import secrets
 import shutil
 import stat
 import sys
+from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Generator
-    from pathlib import Path
+from pathlib import Path
 
 _IS_WINDOWS = sys.platform == "win32"
 """Windows neither moves nor removes a file that is open, and has no `flock`."""

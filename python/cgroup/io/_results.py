@@ -10,16 +10,14 @@ import hashlib
 import json
 import os
 from collections import defaultdict
+from collections.abc import Generator, Iterable
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from tempfile import TemporaryFile
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from cgroup.errors import InputError
 from cgroup.io._files import check_outputs, digest_of, is_input, listeners
-
-if TYPE_CHECKING:
-    from collections.abc import Generator, Iterable
-    from pathlib import Path
 
 LIST = ".cgroup-files.jsonl"
 """Name of the list; processes that write to one folder append to it side by side."""

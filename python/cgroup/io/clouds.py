@@ -6,11 +6,15 @@ it may raise anything.
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable, Sequence
 from dataclasses import fields, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from cgroup import _core
 from cgroup._checks.arrays import as_place, as_reals, as_rows
@@ -24,16 +28,7 @@ from cgroup.io._e57 import parse_e57
 from cgroup.io._files import naming, parse_file, write_file, written_path
 from cgroup.io._gltf import parse_gltf
 from cgroup.io._numpy_files import load_npy, load_npz_points, npz_bytes, read_arrays, single_number
-from cgroup.types import PointCloud, as_cloud
-
-if TYPE_CHECKING:
-    import os
-    from collections.abc import Callable, Sequence
-    from pathlib import Path
-
-    from numpy.typing import ArrayLike, NDArray
-
-    from cgroup.types import AnyCloud, BoolArray, FloatArray
+from cgroup.types import AnyCloud, BoolArray, FloatArray, PointCloud, as_cloud
 
 _DESCRIBED_FIELDS = tuple(field.name for field in fields(DescribedCloud))
 
@@ -236,14 +231,6 @@ def write_keypoints(path: str | os.PathLike[str], cloud: AnyCloud, indices: Arra
     ------
     InputError
         If the suffix or `cloud` is wrong, a row is none of its points, or the file can't be written.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cgroup.io import write_keypoints
-    >>> write_keypoints("keypoints.npz", np.eye(3), [2])
-    >>> np.load("keypoints.npz")["points"]
-    array([[0., 0., 1.]])
     """
     path, rows = as_path("path", path), as_rows("indices", indices)
     cloud = as_cloud("cloud", cloud)
@@ -271,13 +258,6 @@ def write_descriptors(path: str | os.PathLike[str], described: DescribedCloud) -
     ------
     InputError
         If the suffix is another one, `described` is no `DescribedCloud`, or the file can't be written.
-
-    Examples
-    --------
-    >>> from cgroup.datasets import standin_pair
-    >>> from cgroup.io import write_descriptors
-    >>> from cgroup.registration import describe
-    >>> write_descriptors("scan.npz", describe(standin_pair(pixels=60).source))
     """
     path = written_path(path, "descriptors", ".npz")
     as_instance("described", described, DescribedCloud)

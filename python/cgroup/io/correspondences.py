@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import re
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import ArrayLike
 
 from cgroup._checks.arrays import as_mask
 from cgroup._checks.values import as_instance, as_path
@@ -11,15 +15,7 @@ from cgroup.errors import InputError
 from cgroup.io._files import load_numbers, naming, parse_file, read_content, write_file, written_path
 from cgroup.io._numpy_files import load_npy, npz_bytes, read_arrays, single_number, write_array
 from cgroup.io.clouds import PARSERS
-from cgroup.types import OPTIONAL_FIELDS, Correspondences
-
-if TYPE_CHECKING:
-    import os
-    from pathlib import Path
-
-    from numpy.typing import ArrayLike
-
-    from cgroup.types import FloatArray
+from cgroup.types import OPTIONAL_FIELDS, Correspondences, FloatArray
 
 _NAME = re.compile(rb"(\xef\xbb\xbf)?\s*[\"']?(?!nan\b|inf)[A-Za-z_]", re.IGNORECASE)
 """How a line of a table's names begins, perhaps behind the mark of UTF-8."""
@@ -136,14 +132,6 @@ def write_mask(path: str | os.PathLike[str], mask: ArrayLike) -> None:
     ------
     InputError
         If the mask isn't (n,) of bool, or the file can't be written.
-
-    Examples
-    --------
-    >>> from pathlib import Path
-    >>> from cgroup.io import write_mask
-    >>> write_mask("group.txt", [True, False, True])
-    >>> Path("group.txt").read_text().split()
-    ['1', '0', '1']
     """
     path = as_path("path", path)
     values = as_mask("mask", mask)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import io
+import os
 import struct
 import zlib
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from cgroup._checks.arrays import as_floats
 from cgroup._checks.values import as_length, as_path
@@ -15,11 +17,6 @@ from cgroup.errors import InputError
 from cgroup.io._files import check_growth, parse_file
 from cgroup.io._numpy_files import load_npy
 from cgroup.types import PointCloud
-
-if TYPE_CHECKING:
-    import os
-
-    from numpy.typing import ArrayLike, NDArray
 
 _MOST_PIXELS = 1 << 26
 _MILLIMETRES = 1000.0

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING, Any
+import os
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from cgroup._checks.arrays import as_floats
 from cgroup._checks.values import as_path
@@ -14,13 +16,7 @@ from cgroup.io._files import load_json, load_numbers, number_lines, parse_file
 from cgroup.io._numpy_files import load_npy, write_array
 from cgroup.rigid import RIGID_TOLERANCE, check_rigid
 from cgroup.rigid.transforms import are_rigid, turn
-
-if TYPE_CHECKING:
-    import os
-
-    from numpy.typing import ArrayLike, NDArray
-
-    from cgroup.types import FloatArray
+from cgroup.types import FloatArray
 
 _NOTATIONS = (
     "a pose is 4 rows of 4 numbers, or 3 of 4; 16 or 12 numbers, row by row; tx ty tz qx qy qz qw; "

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from cgroup import _core
-from cgroup._checks.fields import FIELDS, check_fields, check_scores
+from cgroup._checks.array_types import RealArray
+from cgroup._checks.fields import FIELDS, Fields, check_fields, check_scores
 from cgroup._checks.run_options import run_options
 from cgroup._runtime.memory import max_memory_for, report_refused_memory
 from cgroup.types import Agreement, Grouping, Rule
-
-if TYPE_CHECKING:
-    from cgroup._checks.array_types import RealArray
-    from cgroup._checks.fields import Fields
 
 
 @report_refused_memory()

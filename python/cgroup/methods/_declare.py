@@ -35,12 +35,6 @@ class MethodOption(NamedTuple):
         The least and the greatest value, or the choices; empty where the kind determines them.
     text : str
         What it does, in Markdown.
-
-    Examples
-    --------
-    >>> from cgroup.registry import METHOD_INFO
-    >>> METHOD_INFO["mac"].options["min_clique_size"].range
-    (3, 18446744073709551615)
     """
 
     kind: str

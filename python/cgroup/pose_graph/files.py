@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import json
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from cgroup._checks.array_types import BoolArray, FloatArray, IndexArray
 from cgroup._checks.quoting import cut, escape
 from cgroup.errors import InputError
 from cgroup.io._files import load_json, number_lines
 from cgroup.io._names import list_names
 from cgroup.rigid.transforms import quaternions, turn
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from cgroup._checks.array_types import BoolArray, FloatArray, IndexArray
 
 _UPPER = np.triu_indices(6)
 _PLACE = np.empty((6, 6), int)

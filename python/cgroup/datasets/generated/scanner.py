@@ -5,19 +5,14 @@ The scanner is at the origin and looks along -z, y up. Pixels are spaced evenly 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cgroup.rigid import apply
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from cgroup.types import BoolArray, FloatArray, IndexArray
+from cgroup.types import BoolArray, FloatArray, IndexArray
 
 MAX_INCIDENCE = 75.0
 """Degrees between line of sight and normal beyond which nothing returns."""

@@ -6,17 +6,12 @@ detail and without symmetry.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import NDArray
 
 from cgroup.datasets.generated.scanner import Mesh
 from cgroup.rigid.transforms import turn
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from cgroup.types import FloatArray, IndexArray
+from cgroup.types import FloatArray, IndexArray
 
 RADIUS = 50.0
 """Mean radius of the shape, in mm."""

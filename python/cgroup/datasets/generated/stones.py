@@ -7,7 +7,6 @@ name alone, so the same name is the same pair on every machine.
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,10 +16,7 @@ from cgroup.datasets.generated.shapes import RADIUS, random_direction, random_po
 from cgroup.errors import InputError
 from cgroup.evaluation.ground_truth import VISIBLE_WITHIN
 from cgroup.rigid import invert
-from cgroup.types import PointCloud
-
-if TYPE_CHECKING:
-    from cgroup.types import FloatArray
+from cgroup.types import FloatArray, PointCloud
 
 _GRID_PER_PIXEL = 1.2  # mesh vertices along each edge of the cube that is blown up to a ball
 _DISTANCES = (5.0, 5.6)  # of a pair's two scanners from the centre, in radii

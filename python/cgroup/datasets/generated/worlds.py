@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar, NamedTuple, TypeAlias
+from typing import ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 
 from cgroup.datasets.base import Dataset, MatchingPair
 from cgroup.evaluation import overlap
 from cgroup.rigid import invert
-from cgroup.types import PointCloud
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from cgroup.types import FloatArray
+from cgroup.types import FloatArray, PointCloud
 
 _SHARED = 0.02  # of the range: how near a point of the other scan lies where both saw the same place
 _PER_KIND = 12
