@@ -119,13 +119,11 @@ def group_many(
     method : str
         Name of the method for all of them, one of `cgroup.METHODS`.
     preset : str
-        Where its options come from, one of `cgroup.PRESETS`: "paper", its defaults; "literal", the
-        formulas of Yang et al., TPAMI 2019, to the letter; "original", its own author's options; "pcl";
-        "legacy_header"; "3dmatch" and "kitti", published constants in metres.
+        As for `group`.
     threads : int, optional
-        Number of problems worked on at a time; None for one per core. Results do not depend on it.
+        Number of problems grouped at a time; None for one per core. Results do not depend on it.
     **options
-        Options of the method by their names, the same for all problems; they win over the preset's.
+        As for `group`, the same for all problems.
 
     Returns
     -------

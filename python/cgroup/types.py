@@ -149,17 +149,8 @@ class Correspondences:
         source_centroid: ArrayLike | None = None,
         candidates: ArrayLike | None = None,
     ) -> None:
-        fields = check_fields(
-            source,
-            target,
-            similarity=similarity,
-            ratio=ratio,
-            source_lrf=source_lrf,
-            target_lrf=target_lrf,
-            resolution=resolution,
-            source_centroid=source_centroid,
-            candidates=candidates,
-        )
+        given = {name: value for name, value in locals().items() if name != "self"}
+        fields = check_fields(**given)
         _take_fields(self, Fields(*(_copied(value) for value in fields)))
 
     def __len__(self) -> int:

@@ -14,7 +14,7 @@ from wrong_values import HUGE
 
 import cgroup
 from cgroup import METHODS, PRESETS, Correspondences, InputError, NoConsensusError, _core, group, group_many
-from cgroup._checks.fields import FIELDS, check_scores
+from cgroup._checks.fields import FIELDS, check_fields
 from cgroup._checks.run_options import run_options
 from cgroup.registry import METHOD_INFO
 from interrupts import assert_hears_interrupt, assert_holds_in_a_fork, posix_only
@@ -249,7 +249,7 @@ def test_numbers_of_numpy_are_numbers(options, scale):
 
 
 def test_an_option_that_nobody_reads_is_an_error():
-    fields, run = check_scores(ratio=PROBLEM.ratio), run_options(None, 0, None)
+    fields, run = check_fields(ratio=PROBLEM.ratio), run_options(None, 0, None)
     with pytest.raises(InputError, match='nnsr has no "cut"; it takes max_ratio'):
         _core.group("nnsr", fields, run, {"max_ratio": 0.8, "cut": 1.0})
     with pytest.raises(InputError, match='nnsr needs "max_ratio"'):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 from numpy.typing import ArrayLike
 
@@ -32,41 +33,17 @@ OPTIONAL_FIELDS = FIELDS[2:]
 """All but the points."""
 
 
-def check_fields(
-    source: object,
-    target: object,
-    *,
-    similarity: ArrayLike | None = None,
-    ratio: ArrayLike | None = None,
-    source_lrf: ArrayLike | None = None,
-    target_lrf: ArrayLike | None = None,
-    resolution: float | None = None,
-    source_centroid: ArrayLike | None = None,
-    candidates: ArrayLike | None = None,
-) -> Fields:
-    """Check shapes and types; nothing is copied without need."""
-    points = real_points("source", source)
-    n = len(points)
-    _check_frames_on_both_sides(source_lrf, target_lrf)
-    return Fields(
-        points,
-        _partners(target, n),
-        None if similarity is None else real_vector("similarity", similarity, n),
-        None if ratio is None else real_vector("ratio", ratio, n),
-        None if source_lrf is None else real_frames("source_lrf", source_lrf, n),
-        None if target_lrf is None else real_frames("target_lrf", target_lrf, n),
-        None if resolution is None else as_number("resolution", resolution),
-        None if source_centroid is None else _centroid(source_centroid),
-        None if candidates is None else real_candidates("candidates", candidates, n),
-    )
-
-
-def check_scores(*, similarity: ArrayLike | None = None, ratio: ArrayLike | None = None) -> Fields:
-    """Check the field of a method that takes no points."""
-    return Fields(
-        similarity=None if similarity is None else real_vector("similarity", similarity, None),
-        ratio=None if ratio is None else real_vector("ratio", ratio, None),
-    )
+def check_fields(**given: Any) -> Fields:  # noqa: ANN401 - by name, None for those not given
+    """Check shapes and types; nothing is copied without need. A method of scores alone takes no points."""
+    source = real_points("source", given.pop("source")) if "source" in given else None
+    rows = None if source is None else len(source)
+    _check_frames_on_both_sides(given.get("source_lrf"), given.get("target_lrf"))
+    checked = {
+        name: _CHECKS[name](name, value, rows)
+        for name, value in given.items()
+        if value is not None or name == "target"
+    }
+    return Fields(source=source, **checked)
 
 
 def _check_frames_on_both_sides(source_lrf: ArrayLike | None, target_lrf: ArrayLike | None) -> None:
@@ -75,19 +52,32 @@ def _check_frames_on_both_sides(source_lrf: ArrayLike | None, target_lrf: ArrayL
         raise InputError(missing, remedy="missing; frames are needed on both sides or on neither")
 
 
-def _partners(target: object, rows: int) -> RealArray:
-    points = real_points("target", target)
+def _partners(name: str, target: object, rows: int) -> RealArray:
+    points = real_points(name, target)
     if len(points) != rows:
         raise InputError(
-            "target",
+            name,
             f"{len(points)} rows, but source has {rows}",
             "row i of one matches row i of the other",
         )
     return points
 
 
-def _centroid(value: ArrayLike) -> RealArray:
-    array = as_reals("source_centroid", value)
+def _centroid(name: str, value: ArrayLike, _rows: int) -> RealArray:
+    array = as_reals(name, value)
     if array.shape != (3,):
-        raise InputError("source_centroid", f"shape {array.shape}", "give the three coordinates of one point")
+        raise InputError(name, f"shape {array.shape}", "give the three coordinates of one point")
     return array
+
+
+_CHECKS: dict[str, Callable[..., Any]] = {
+    "target": _partners,
+    "similarity": real_vector,
+    "ratio": real_vector,
+    "source_lrf": real_frames,
+    "target_lrf": real_frames,
+    "resolution": lambda name, value, _rows: as_number(name, value),
+    "source_centroid": _centroid,
+    "candidates": real_candidates,
+}
+"""What checks a field: a function of its name, its value and the number of matches."""

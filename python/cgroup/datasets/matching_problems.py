@@ -123,54 +123,6 @@ class MatchingProblem:
         names = ("source", "target", "ratio", "similarity", "source_lrf", "target_lrf", "inlier_mask")
         return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
-    def moved(self, source_motion: FloatArray, target_motion: FloatArray) -> MatchingProblem:
-        """Return the problem after a rigid motion of each side, frames included.
-
-        Parameters
-        ----------
-        source_motion, target_motion : (4,4) array of float64
-            Rigid transforms.
-
-        Returns
-        -------
-        MatchingProblem
-            With the pose between the moved sides.
-        """
-        inverse = np.linalg.inv(source_motion)
-        return replace(
-            self,
-            source=apply(source_motion, self.source),
-            target=apply(target_motion, self.target),
-            source_lrf=self.source_lrf @ source_motion[:3, :3].T,
-            target_lrf=self.target_lrf @ target_motion[:3, :3].T,
-            source_centroid=apply(source_motion, self.source_centroid[None])[0],
-            T_target_source=target_motion @ self.T_target_source @ inverse,
-        )
-
-    def scaled(self, factor: float) -> MatchingProblem:
-        """Return the problem in another unit of length.
-
-        Parameters
-        ----------
-        factor : float
-            New lengths over those of now.
-
-        Returns
-        -------
-        MatchingProblem
-            The same motion in the new unit.
-        """
-        transform = self.T_target_source.copy()
-        transform[:3, 3] *= factor
-        return replace(
-            self,
-            source=self.source * factor,
-            target=self.target * factor,
-            resolution=self.resolution * factor,
-            source_centroid=self.source_centroid * factor,
-            T_target_source=transform,
-        )
-
 
 def make_problem(
     rng: np.random.Generator,

@@ -6,8 +6,8 @@ import os
 import re
 from pathlib import Path
 
+from cgroup._checks.quoting import escape
 from cgroup.io._e57 import unread_fields
-from cgroup.io._files import printable
 
 _HEAD = 1 << 16  # bytes of a file that its header takes at most
 _MOST_NAMED = 12
@@ -48,7 +48,7 @@ def unkept_attributes(path: str | os.PathLike[str]) -> list[str]:
     if suffix in _TEXTS:
         fields = _unread_columns(text, suffix)
     if fields:
-        return [printable(name) for name in fields][:_MOST_NAMED]
+        return [escape(name) for name in fields][:_MOST_NAMED]
     lines = [line.split() for line in text.splitlines()]
     names: list[str] = []
     if suffix == ".pcd":
@@ -60,7 +60,7 @@ def unkept_attributes(path: str | os.PathLike[str]) -> list[str]:
                 break
             element = line[1] if line[:1] == ["element"] and len(line) > 1 else element
             names += [line[-1]] if line[:1] == ["property"] and element == "vertex" else []
-    return [printable(name) for name in names if name.lower() not in _KEPT][:_MOST_NAMED]
+    return [escape(name) for name in names if name.lower() not in _KEPT][:_MOST_NAMED]
 
 
 def _unread_columns(text: str, suffix: str) -> list[str]:

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from cgroup import _core
+from cgroup._checks.quoting import escape
 from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_instance, as_path
 from cgroup.errors import InputError
@@ -233,17 +234,10 @@ def parse_file(path: Path, parse: Callable[[bytes], Result]) -> Result:
         raise
     except Exception as error:
         said = "the end of the file" if isinstance(error, struct.error) else str(error)
-        reason = printable(" ".join(said.split())[:_SHOWN]) or type(error).__name__
+        reason = escape(" ".join(said.split())[:_SHOWN]) or type(error).__name__
         kind = path.suffix.lstrip(".").upper() or "text"
         message = f"{path}: not a readable {kind} file, or cut off ({reason})"
         raise InputError(message) from error
-
-
-def printable(text: str) -> str:
-    """Escape what may stand in a file and would do something to a terminal."""
-    return "".join(
-        letter if letter.isprintable() else letter.encode("unicode_escape").decode() for letter in text
-    )
 
 
 def load_numbers(content: bytes) -> FloatArray:

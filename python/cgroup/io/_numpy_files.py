@@ -14,8 +14,9 @@ from numpy.lib import format as npy_format
 from numpy.typing import ArrayLike, NDArray
 
 from cgroup._checks.arrays import as_array
+from cgroup._checks.quoting import escape
 from cgroup.errors import InputError
-from cgroup.io._files import check_growth, parse_file, printable, write_file
+from cgroup.io._files import check_growth, parse_file, write_file
 
 _KINDS = "biuf"  # numbers and truth values; others are records, texts, dates or pickled objects
 _CHUNK = 16 << 20  # bytes unpacked at a time
@@ -60,7 +61,7 @@ def read_arrays(
     found, arrays = parse_file(path, load)
     lacking = next((name for name in needed if name not in found), None)
     if lacking is not None:
-        message = f"{path}: has no array {lacking!r}; it holds {printable(_listed(found))}"
+        message = f"{path}: has no array {lacking!r}; it holds {escape(_listed(found))}"
         raise InputError(message)
     return arrays
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from cgroup import _core
 from cgroup._checks.array_types import RealArray
-from cgroup._checks.fields import FIELDS, Fields, check_fields, check_scores
+from cgroup._checks.fields import FIELDS, Fields, check_fields
 from cgroup._checks.run_options import run_options
 from cgroup._runtime.memory import max_memory_for, report_refused_memory
 from cgroup.types import Agreement, Grouping, Rule
@@ -24,7 +24,7 @@ def call(method: str, arguments: dict[str, Any]) -> Grouping:
         All arguments of the function by name: fields of correspondences, and options. It is used up.
     """
     given = {name: arguments.pop(name) for name in FIELDS if name in arguments}
-    fields = check_fields(**given) if "source" in given else check_scores(**given)
+    fields = check_fields(**given)
     # Copies of one's own: the caller's buffers may hold other points by the time of transform().
     return compute(method, fields, arguments, _copies(fields), fields.resolution)
 
