@@ -1,4 +1,4 @@
-"""Errors that cgroup raises on purpose: each says what, got what, why, and what to do.
+"""Errors that cgroup raises: each names the argument, its value, the reason, and a remedy.
 
 All of them are a `CgroupError`, so that one ``except`` catches them; `InputError` and `NoConsensusError` are
 a `ValueError` too, `OutOfMemoryError` a `MemoryError`.
@@ -17,20 +17,20 @@ __all__ = [
 
 
 class CgroupError(Exception):
-    """Base of every error that cgroup raises on purpose."""
+    """Base of every error that cgroup raises."""
 
 
 class InputError(CgroupError, ValueError):
-    """An argument or a file that can't be worked with.
+    """An argument or a file is invalid.
 
-    Also a `ValueError`. The message says which argument, what it was, and what to give instead.
+    Also a `ValueError`. The message names the argument, its value, and a remedy.
 
     Parameters
     ----------
     what : str
-        The argument; or the whole message, where it is about no argument.
+        The argument; or the whole message, if no argument is at fault.
     got : object, optional
-        What it was, as ``str()`` shows it.
+        Its value, as ``str()`` shows it.
     remedy : str, optional
         What to give instead.
 
@@ -73,14 +73,14 @@ class OutOfMemoryError(CgroupError, MemoryError):
 
 
 class NoConsensusError(CgroupError, ValueError):
-    """No pose: the group doesn't fix one, or the surfaces don't confirm any.
+    """No reliable pose: the group determines none, or the surfaces confirm none.
 
     Also a `ValueError`.
 
     Attributes
     ----------
     registration : cgroup.registration.Registration or None
-        The best guess of `cgroup.registration.register`, which is more likely wrong than right; None where no
+        The best guess of `cgroup.registration.register`, which is probably wrong; None where no
         registration was asked for.
 
     Examples

@@ -29,8 +29,8 @@ class Explanation:
     threshold : float or None
         The cut on the scores, where scores decide.
     residual : float or None
-        Distance between its target point and where the group's pose lays its source point, in the data's
-        unit: the pose is `Grouping.model`, or else the least-squares pose of the group. None without points
+        Distance between its target point and its source point under the group's pose, in the data's unit:
+        the pose is `Grouping.model`, or else the least-squares pose of the group. None without points
         or pose.
     tolerance : float or None
         The bound on the residual, in the data's unit, where residuals decide; for TEASER++ the bound along
@@ -41,11 +41,11 @@ class Explanation:
         How many of the other matches, and how many of the group's others, keep their distance to it. None
         without points.
     agreement : str
-        What counts as keeping the distance: the method's own rule, or one that is said to be none of its.
+        The rule of keeping the distance: the method's own, or a general one, which the text states.
     reason : str
         Why, in words.
     remedy : str
-        What would have kept it, other things being equal; empty where it was kept or nothing is known.
+        The change that would have kept it, other things being equal; empty where it was kept, or unknown.
 
     Examples
     --------

@@ -45,7 +45,7 @@ def group(
         The method takes the fields that it is defined on.
     method : str
         Name of the method, one of `cgroup.METHODS`, in any case; labels and names of functions mean the same:
-        "3dhv", "Hough3D". The default says by `Grouping.ok` whether chance could have made the group.
+        "3dhv", "Hough3D". With the default, `Grouping.ok` is False where chance could explain the group.
     preset : str
         Where the method's options come from, one of `cgroup.PRESETS`: "paper", its defaults; "literal", the
         formulas of Yang et al., TPAMI 2019, to the letter; "original", its own author's options; "pcl";
@@ -181,7 +181,7 @@ def check_method(
 ) -> str:
     """Return the public name of a method; raise `InputError` where there is none, or an option it lacks.
 
-    The function that was called and passes the options on may have meant one of its own.
+    `called` is the function that passes the options on; its own options are suggested too.
     """
     info = find_method(method)
     own = [] if called is None else list(inspect.signature(called).parameters)

@@ -36,7 +36,7 @@ _NO_LETTERS = str.maketrans("", "", " -_+")
 
 
 def _spell(name: str) -> str:
-    """Return a name without what people write differently: case, hyphens, plus signs, raised digits."""
+    """Return a name in lower case, without hyphens, plus signs and raised digits."""
     return unicodedata.normalize("NFKC", name).casefold().translate(_NO_LETTERS)
 
 
@@ -67,7 +67,7 @@ def find_method(name: object, otherwise: str = "") -> MethodInfo:
     name : str
         As in `look_up_method`.
     otherwise : str
-        What else may be given, for the error: ", or give module:function".
+        Other accepted values, for the error: ", or give module:function".
 
     Returns
     -------
@@ -77,7 +77,7 @@ def find_method(name: object, otherwise: str = "") -> MethodInfo:
     Raises
     ------
     InputError
-        If there is no such method; the message lists those that there are, and the one probably meant.
+        If there is no such method; the message lists all methods and suggests one.
     """
     info = look_up_method(name)
     if info is None:
@@ -88,7 +88,7 @@ def find_method(name: object, otherwise: str = "") -> MethodInfo:
 
 
 def label_of(method: str) -> str:
-    """Say what tables and messages call a method.
+    """Return the short name of a method, for tables and messages.
 
     Parameters
     ----------
@@ -147,4 +147,4 @@ PRESETS: Mapping[str, Mapping[str, Mapping[str, Any]]] = {
 """Options of each method by where they come from: the paper's defaults, its formulas read to the letter,
 the options with which each method's own author differs, PCL's variants (3DHV's needs a ``bin_size`` as
 well), the evaluation group's later constants, and the constants in metres that were published for rooms
-thinned to 5 cm (3DMatch) and streets thinned to 30 cm (KITTI)."""
+downsampled to 5 cm (3DMatch) and streets downsampled to 30 cm (KITTI)."""

@@ -90,7 +90,7 @@ class Correspondences:
     Parameters
     ----------
     source, target : (n,3) array_like of float
-        Matched points in the data's unit; the transform sought maps `source` into `target`.
+        Matched points in the data's unit; the transform maps `source` into `target`.
     similarity : (n,) array_like of float, optional
         Descriptor similarity ``1 - |f_norm - f'_norm|``, higher is better; -inf for no descriptor.
     ratio : (n,) array_like of float, optional
@@ -179,11 +179,11 @@ class Correspondences:
         source, target : PointCloud or (N,3) array_like of float, optional
             The whole clouds; the matched points where they are not given.
         T_target_source : (4,4) array_like of float, optional
-            Turns the source as in this pose, so that lines of right matches run parallel.
+            Rotates the source as in this pose, so that lines of right matches are parallel.
         correct : (n,) array_like of bool, optional
             Which matches are correct; lines are coloured by it.
         interactive : bool
-            Return a figure to turn around, zoom and point at.
+            Return a figure to rotate and zoom, with hover texts.
 
         Returns
         -------
@@ -261,7 +261,7 @@ class Rule:
     ======================= =========================================================== ====================
     kind                    a correspondence is selected if                             bound
     ======================= =========================================================== ====================
-    ``score``               its score lies above `Grouping.threshold`
+    ``score``               its score is above `Grouping.threshold`
     ``ratio``               its nearest descriptor is so many times nearer              ratio
     ``residual``            the model leaves it less than that from its partner         length
     ``axes in clique``      it is in the maximum clique, and each axis of its residual  length
@@ -321,7 +321,7 @@ class Rule:
 
 @dataclass(frozen=True, eq=False)
 class Grouping:
-    """The correspondences that a method holds to be right.
+    """The correspondences that a method selects as right.
 
     Attributes
     ----------
@@ -337,15 +337,15 @@ class Grouping:
     diagnostics : dict of str to float
         Facts about the run: iterations, seed of the cluster, eigenvalue, ...
     alternatives : (k,4,4) array of float64 or None
-        Transforms that the correspondences speak for, `model` first, for methods that find several (LC).
+        Transforms that the correspondences support, `model` first, for methods that find several (LC).
     alternative_scores : (k,) array of float64 or None
         The method's score of each, descending.
     ok : bool or None
-        Whether the group can be trusted: `false_alarms` below 0.01, for methods that can tell (LC). False
-        says that chance could have made such a group, not that the group is wrong.
+        Whether the group is significant: `false_alarms` below 0.01, for methods that estimate them (LC).
+        Where it is False, chance could explain the group, which may still be right.
     false_alarms : float or None
-        How many groups as good as this one are to be expected where no correspondence is right; for methods
-        that can tell (LC).
+        Expected number of groups as good as this one if no correspondence is right; for methods that
+        estimate it (LC).
     noise : float or None
         Standard deviation of right correspondences, a length, for methods that estimate it (LC without a
         tolerance).
@@ -395,10 +395,10 @@ class Grouping:
 
     @property
     def complete(self) -> bool:
-        """Whether the method looked at all that its definition asks for.
+        """Whether the method finished its search.
 
         False where a bound on cliques, steps, time or memory cut the search short:
-        ``diagnostics["truncated"]`` is 1 then. The other entries of `diagnostics` tell how far it came, such
+        ``diagnostics["truncated"]`` is 1 then. Other entries of `diagnostics` give its progress, such
         as ``vertices`` or ``cliques`` (MAC).
         """
         return not self.diagnostics.get("truncated", 0.0)
@@ -435,7 +435,7 @@ class Grouping:
         return _core.rigid_fit(source[self.mask], target[self.mask])
 
     def explain(self, index: int) -> Explanation:
-        """Say why a match was kept or dropped.
+        """Explain why a match was kept or dropped.
 
         Parameters
         ----------
@@ -460,7 +460,7 @@ class Grouping:
         >>> why.kept, why.rank, why.threshold
         (False, 3, 0.5)
         >>> print(why)  # doctest: +NORMALIZE_WHITESPACE
-        Match 0 was dropped: its score of 0.2 (rank 3 of 3) lies below the cut at
+        Match 0 was dropped: its score of 0.2 (rank 3 of 3) is below the cut at
         0.5. It would have been kept with a score above 0.5.
         """
         return call_hook("explanation", self, index)
@@ -481,12 +481,11 @@ class Grouping:
         source, target : PointCloud or (N,3) array_like of float, optional
             The whole clouds; the matched points where they are not given.
         T_target_source : (4,4) array_like of float, optional
-            Turns the source as in this pose; that of the group where it is not given.
+            Rotates the source as in this pose; by default that of the group.
         correct : (n,) array_like of bool, optional
             Which matches are correct; lines are coloured by it.
         interactive : bool
-            Return a figure to turn around, zoom and point at, which tells of each match why it was kept or
-            dropped.
+            Return a figure to rotate and zoom, which explains on hover why each match was kept or dropped.
 
         Returns
         -------
@@ -564,12 +563,11 @@ class PointCloud:
     colors : (N,3) array of uint8, optional
         Red, green, blue.
     dropped : int
-        Points of the file that were left out because a coordinate was NaN or infinite, because the scanner
-        saw nothing there, or because a splat can hardly be seen.
+        Points of the file that were dropped: a coordinate was NaN or infinite, the scanner got no return, or
+        a splat was nearly transparent.
     viewpoint : (3,) array of float64, optional
-        Where the scanner stood, in the frame of the points, if the file says so. PCD and E57 can't say that
-        it was the origin: writers put that where they know no place. None for a file of scans from
-        several places.
+        Position of the scanner in the frame of the points, if the file has it. The origin in PCD and E57
+        counts as unknown, as writers put it there by default. None for a file of scans from several places.
     """
 
     points: FloatArray
@@ -594,7 +592,7 @@ class PointCloud:
         Returns
         -------
         PointCloud
-            Moved points and viewpoint, turned normals; faces and colours as they were.
+            Moved points and viewpoint, rotated normals; faces and colours unchanged.
 
         Raises
         ------
@@ -626,7 +624,7 @@ def find_cloud(name: str, cloud: object) -> PointCloud | None:
     Raises
     ------
     InputError
-        If its parts aren't points, normals and triangles; colours that can't be told are left out.
+        If its parts aren't points, normals and triangles; unknown colours are dropped.
     """
     if isinstance(cloud, PointCloud):
         return cloud

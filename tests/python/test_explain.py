@@ -247,10 +247,10 @@ def test_a_method_without_points_speaks_of_scores_alone() -> None:
 @pytest.mark.parametrize(
     ("scores", "threshold", "words"),
     [
-        (None, None, r"^Match 1 was dropped: the method left it out, and says no more\.$"),
-        ([0.7, 0.2], 0.5, "lies below the cut at 0.5"),
+        (None, None, r"^Match 1 was dropped: the method left it out, without a reason\.$"),
+        ([0.7, 0.2], 0.5, "is below the cut at 0.5"),
         ([0.7, 0.2], None, "rank 2 of 2"),
-        ([0.50001, 0.49999], 0.5, r"score of 0\.49999 \(rank 2 of 2\) lies below the cut at 0\.5"),
+        ([0.50001, 0.49999], 0.5, r"score of 0\.49999 \(rank 2 of 2\) is below the cut at 0\.5"),
     ],
 )
 def test_own_methods_say_what_there_is_to_say(scores: Any, threshold: float | None, words: str) -> None:

@@ -336,7 +336,7 @@ def test_damaged_e57_says_why(read: Read) -> None:
             read,
             "a.e57",
             bytes(damaged),
-            f"page {place // 1024} doesn't fit its checksum.*copy the file anew",
+            f"page {place // 1024} does not match its checksum.*copy it again",
         )
     assert with_xml(b"<e57Root", b"<e57Root") == E57
     for before, after, says in (
@@ -640,7 +640,9 @@ def test_wrong_depth_images_say_why(tmp_path: Path) -> None:
     refused("a.png", whole[:-1], r"not a readable PNG file, or cut off \(the end of the file\)")
     damaged = bytearray(whole)
     damaged[50] ^= 1
-    refused("a.png", bytes(damaged), "byte 33 doesn't fit its checksum: damaged, copy the file anew")
+    refused(
+        "a.png", bytes(damaged), "byte 33 do not match their checksum: the file is damaged, copy it again"
+    )
     header = whole[8:33]
     larger = struct.pack(">I", 13) + b"IHDR" + struct.pack(">IIBBBBB", 10_000, 8000, 16, 0, 0, 0, 0)
     larger += struct.pack(">I", zlib.crc32(larger[4:]))

@@ -1,4 +1,4 @@
-"""Say in one sentence what is wrong with the arguments of a call, and what may have been meant."""
+"""Explain wrong arguments of a call in one sentence, with a suggestion."""
 
 from __future__ import annotations
 
@@ -39,8 +39,7 @@ _OTHER_WORDS = {
 def explain_wrong_calls(function: _Function, *, too_many: str = "") -> _Function:
     """Refuse an unknown option, and arguments by position that are options, with an `InputError`.
 
-    What else Python finds wrong with a call stays its own `TypeError`. `too_many` says what may have been
-    meant by too many arguments.
+    Other errors of a call remain Python's `TypeError`. `too_many` is the remedy for too many arguments.
     """
 
     @wraps(function)
@@ -58,7 +57,7 @@ def explain_wrong_calls(function: _Function, *, too_many: str = "") -> _Function
 
 
 def refuse_too_many(meant: str) -> Callable[[_Function], _Function]:
-    """As `explain_wrong_calls`, for a function whose callers may have meant something else."""
+    """Return `explain_wrong_calls` with the remedy for too many arguments."""
     return partial(explain_wrong_calls, too_many=meant)
 
 

@@ -38,7 +38,7 @@ def cloud_parts(name: str, value: Any) -> CloudParts | None:  # noqa: ANN401 - w
     Raises
     ------
     InputError
-        For a table that doesn't say which of its columns are x, y and z, and a file that is no cloud.
+        For a table without columns named x, y and z, and a file that is no cloud.
     """
     if isinstance(value, np.ndarray):
         fields = value.dtype.names
@@ -64,7 +64,7 @@ def cloud_parts(name: str, value: Any) -> CloudParts | None:  # noqa: ANN401 - w
 
 
 def as_host_array(name: str, value: Any) -> Any:  # noqa: ANN401 - whatever is passed
-    """Return the array of a tensor that lies in the computer's memory; anything else as it is.
+    """Return the array of a tensor in main memory; anything else unchanged.
 
     Raises
     ------
@@ -147,7 +147,7 @@ def _entry(table: Any, key: str) -> Any:  # noqa: ANN401
 def _read_homogeneous(_name: str, value: Any) -> CloudParts | None:  # noqa: ANN401
     """small_gicp: a method that returns (n,4), the last column 1.
 
-    Its normals are left: until they are estimated, they are whatever lay in memory, such as another cloud's.
+    Its normals are not read: until they are estimated, they are uninitialized memory.
     """
     if not (callable(getattr(value, "points", None)) and callable(getattr(value, "normals", None))):
         return None

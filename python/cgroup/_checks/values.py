@@ -116,7 +116,7 @@ def as_choice(name: str, value: object, choices: Collection[str]) -> str:
 def refuse_word(
     name: str, value: object, choices: Collection[str], meant: str | None, otherwise: str = ""
 ) -> NoReturn:
-    """Raise the error for a word that is none of the choices; it says which was probably meant."""
+    """Raise the error for a word that is none of the choices, with a suggestion."""
     guess = f"; did you mean {meant!r}?" if meant else ""
     raise refusal(name, value, f"choose one of {', '.join(choices)}{otherwise}{guess}")
 
@@ -186,5 +186,5 @@ def as_path(name: str, value: object) -> Path:
 
 
 def refusal(name: str, value: object, remedy: str) -> InputError:
-    """Return the error for a value that can't be worked with."""
+    """Return the error for an invalid value."""
     return InputError(escape(name), show(value), remedy)

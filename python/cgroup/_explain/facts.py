@@ -69,7 +69,7 @@ class Facts:
 
     @cached_property
     def misfits(self) -> FloatArray | None:
-        """(n,3) of the target points from where the pose lays their source points."""
+        """(n,3) differences of the moved source points from their target points."""
         if self.points is None or self.pose is None:
             return None
         source, target = self.points

@@ -25,7 +25,7 @@ class Verdict:
 
 
 def judge(facts: Facts, i: int) -> Verdict:
-    """Say why a match was kept or dropped."""
+    """Return why a match was kept or dropped."""
     return _by_nobody(facts, i) if facts.rule is None else _WORDINGS[facts.rule.kind](facts, facts.rule, i)
 
 
@@ -34,9 +34,9 @@ def _by_nobody(facts: Facts, i: int) -> Verdict:
     grouping = facts.grouping
     if grouping.scores is None:
         what = "selected it" if grouping.mask[i] else "left it out"
-        return Verdict(f"the method {what}, and says no more")
+        return Verdict(f"the method {what}, without a reason")
     if grouping.threshold is None:
-        return Verdict(f"{_score(facts, i)} decided, by a cut that the method doesn't tell")
+        return Verdict(f"{_score(facts, i)} decided, by a cut that the method does not report")
     return _by_score(facts, None, i)
 
 
@@ -68,7 +68,7 @@ def _by_score(facts: Facts, rule: Rule | None, i: int) -> Verdict:
     if score == cut:
         place = "just reaches" if kept else "only equals"
     else:
-        place = "lies above" if kept else "lies below"
+        place = "is above" if kept else "is below"
     reason = f"{_score(facts, i, shown)} {place} the cut at {limit}"
     wanted = "at least" if rule is not None and rule.accepts_equality else "above"
     return Verdict(reason, "" if kept else f"with a score {wanted} {limit}", threshold=cut)
@@ -191,7 +191,7 @@ def _by_largest(facts: Facts, _rule: Rule, i: int) -> Verdict:
 def _by_vote(facts: Facts, rule: Rule, i: int) -> Verdict:
     """3DHV: how far a match votes from the fullest bin, or from the group."""
     votes, mask = rule.votes, facts.grouping.mask
-    assert votes is not None  # noqa: S101 - 3DHV tells them
+    assert votes is not None  # noqa: S101 - of 3DHV
     if not np.isfinite(votes[i]).all():
         return Verdict("it lacks a local frame, so that it casts no vote")
     if rule.kind == "maximum":

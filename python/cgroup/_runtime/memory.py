@@ -69,7 +69,7 @@ def report_refused_memory() -> Generator[None, None, None]:
     except OutOfMemoryError:
         raise
     except MemoryError as error:
-        reason = str(error) or "the system says no more"
+        reason = str(error) or "the system gives no reason"
         message = (
             f"no memory ({reason}); give fewer points or fewer threads, or allow the process more memory"
         )

@@ -14,7 +14,7 @@ def ignore_progress(*_: object) -> None:
 
 
 def as_stage_function(progress: object) -> Callable[[str], Any]:
-    """Return the callback that is told of each stage; one that does nothing for None."""
+    """Return the callback that gets the name of each stage; one that does nothing for None."""
     return ignore_progress if progress is None else as_function("progress", progress, "the name of a stage")
 
 

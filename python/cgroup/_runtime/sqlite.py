@@ -1,4 +1,4 @@
-"""Files of SQLite that are made if need be, and told from those of something else."""
+"""Open SQLite files, make missing ones, and reject foreign ones."""
 
 from __future__ import annotations
 

@@ -26,10 +26,10 @@ Origin: TypeAlias = Literal["real", "semi-synthetic", "synthetic"]
 Entry = TypeVar("Entry")
 
 MIN_FITTING = 0.05
-"""A pose is taken to be wrong when fewer of the source points than this share come to lie on the target."""
+"""A pose is rejected if it moves a smaller share of the source points onto the target."""
 
 FITTING_WITHIN = 2.0
-"""pr. A source point lies on the target when it is so close."""
+"""pr. A source point is on the target within this distance."""
 
 _FITTING_SAMPLE = 3000  # source points that a pose is checked with
 
@@ -47,10 +47,10 @@ class MatchingPair:
     T_target_source : (4,4) array of float64
         True pose: maps source points into the target's frame.
     source_viewpoint, target_viewpoint : (float, float, float)
-        Where the scanners stood, in their clouds' frames; normals are turned towards them.
+        Positions of the scanners in their clouds' frames; normals are oriented towards them.
     normals : {"pca", "mesh", "given"}
         How `cgroup.registration.correspond` is to find normals: "mesh", or "given" where points have some,
-        for whole models, whose normals can't all be turned towards one viewpoint.
+        for whole models, whose normals cannot all point towards one viewpoint.
     facts : mapping of str to float
         What is known: ``overlap``, ``clutter``, ``occlusion`` (0 to 1), ``noise`` (in the data set's unit).
     """
@@ -67,7 +67,7 @@ class MatchingPair:
 
 @dataclass(frozen=True, eq=False)
 class CorrespondencePair:
-    """Matches that somebody else computed, and the pose that says which are correct.
+    """Precomputed matches, and the true pose, which determines the correct ones.
 
     Attributes
     ----------
@@ -97,14 +97,14 @@ class Dataset(ABC):
     role : {"full-full", "full-partial", "partial-partial", "correspondences"}
         What is matched with what.
     origin : {"real", "semi-synthetic", "synthetic"}
-        Where the clouds come from; `origin_of` says it of a single pair, which may differ.
+        Where the clouds come from; `origin_of` returns it for a single pair, which may differ.
     protocols : tuple of str
         Names in `cgroup.evaluation.PROTOCOLS` that make sense here; by default those for any unit.
     citation : str
         Whom to cite.
     single_views : bool
         Whether each cloud is one scan, taken from its viewpoint. Otherwise (fragments of many scans, whole
-        models) viewpoints only say to which side normals are turned.
+        models) viewpoints only orient normals.
 
     Examples
     --------
@@ -163,11 +163,11 @@ class Dataset(ABC):
         Raises
         ------
         InputError
-            If there is no such pair, or its files can't be worked with.
+            If there is no such pair, or its files are invalid.
         """
 
     def measure_facts(self, name: str, *, bound: float) -> Mapping[str, float]:
-        """Measure overlap, or clutter and occlusion, once more, with another bound.
+        """Measure overlap, or clutter and occlusion, with another bound.
 
         The paper's section 4.3 defines the three, and leaves the bound open.
 
@@ -176,7 +176,7 @@ class Dataset(ABC):
         name : str
             One of `pair_names`.
         bound : float
-            How far from a surface a point may be that lies on it, in resolutions (mean of both clouds).
+            Greatest distance of a point on a surface from it, in resolutions (mean of both clouds).
 
         Returns
         -------
@@ -186,7 +186,7 @@ class Dataset(ABC):
         Raises
         ------
         InputError
-            If there is no such pair, its files can't be worked with, or the bound isn't a length.
+            If there is no such pair, its files are invalid, or the bound is not a length.
         """
         pair = self.load(name)
         if not isinstance(pair, MatchingPair) or "overlap" not in pair.facts:
@@ -194,7 +194,7 @@ class Dataset(ABC):
         return {"overlap": measure_overlap(pair.source, pair.target, pair.T_target_source, bound)}
 
     def lacking_pairs(self) -> Mapping[str, Path]:
-        """Return the pairs of which a file isn't there, with that file.
+        """Return the pairs that lack a file, with that file.
 
         Returns
         -------
@@ -204,7 +204,7 @@ class Dataset(ABC):
         return self._lacking
 
     def note(self) -> str:
-        """Return a sentence about what isn't there.
+        """Return a sentence about missing files.
 
         Returns
         -------
@@ -232,7 +232,7 @@ class Dataset(ABC):
         Returns
         -------
         {"real", "semi-synthetic", "synthetic"}
-            That of the data set, unless a subclass knows better.
+            That of the data set, unless a subclass overrides it.
 
         Raises
         ------
@@ -253,7 +253,7 @@ class Dataset(ABC):
         Returns
         -------
         tuple of str
-            Names in `cgroup.evaluation.PROTOCOLS`; those of the data set, unless a subclass knows better.
+            Names in `cgroup.evaluation.PROTOCOLS`; those of the data set, unless a subclass overrides it.
 
         Raises
         ------
@@ -274,7 +274,7 @@ class Dataset(ABC):
         Returns
         -------
         str
-            The data set's name unless a subclass knows better: all pairs may show the same thing.
+            The data set's name unless a subclass overrides it: all pairs may show the same thing.
 
         Raises
         ------
@@ -285,7 +285,7 @@ class Dataset(ABC):
         return self.name
 
     def check_name(self, name: str) -> None:
-        """Refuse the name of a pair that isn't there.
+        """Raise for the name of a pair that does not exist.
 
         Parameters
         ----------
@@ -307,7 +307,7 @@ class Dataset(ABC):
 
 
 class FileDataset(Dataset, Generic[Entry]):
-    """Pairs in files of one folder: a subclass lists them, says what files each needs, and reads one."""
+    """Pairs in files of one folder: a subclass lists them and the files of each, and reads one."""
 
     folder: ClassVar[str]
     """Its name below the data root."""
@@ -386,8 +386,8 @@ def data_root(given: Path | str | None = None) -> Path:
     value = given if given is not None else os.environ.get("CGROUP_DATA")
     if not value:
         message = (
-            "no folder with data: give one, or set CGROUP_DATA to it; docs/datasets.md says what goes in and "
-            "where to get it. The data sets named standin-... need none"
+            "no folder with data: give one, or set CGROUP_DATA to it; docs/datasets.md lists the contents "
+            "and the sources. The data sets named standin-... need none"
         )
         raise InputError(message)
     root = Path(value)
@@ -450,11 +450,11 @@ def fitting_pose(
     origin: str,
     tolerance: float | None = None,
 ) -> FloatArray:
-    """Return the pose or its inverse, whichever lays more of the source on the target.
+    """Return the pose or its inverse, whichever moves more of the source onto the target.
 
-    Files differ in the direction that their poses mean. A source point lies on the target when it is within
-    the tolerance, in the data's unit; by default `FITTING_WITHIN`, in units of the mean of the resolutions.
-    Where neither lays `MIN_FITTING` of them there, an `InputError` names the origin of the pose.
+    Files differ in the direction of their poses. A source point is on the target within the tolerance,
+    in the data's unit; by default `FITTING_WITHIN`, in units of the mean of the resolutions.
+    If neither moves a share of `MIN_FITTING` onto it, an `InputError` names the origin of the pose.
     """
     near = FITTING_WITHIN * mean_resolution(source, target) if tolerance is None else tolerance
     sample = source.points[:: max(1, len(source) // _FITTING_SAMPLE)]
@@ -463,8 +463,9 @@ def fitting_pose(
     best = int(np.argmax(shares))
     if shares[best] < MIN_FITTING:
         message = (
-            f"{origin}: neither the pose nor its inverse lays the source on the target (only {shares[0]:.1%} "
-            f"and {shares[1]:.1%} of the points come near it); is it the pose of another pair, or unit?"
+            f"{origin}: neither the pose nor its inverse aligns the source with the target (only "
+            f"{shares[0]:.1%} and {shares[1]:.1%} of the points come near it); is it the pose of another "
+            "pair, or unit?"
         )
         raise InputError(message)
     return candidates[best]

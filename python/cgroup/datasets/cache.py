@@ -36,8 +36,8 @@ def cache_folder() -> Path:
 def cached(kind: str, key: Iterable[str | bytes], make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
     """Arrays of a kind from the cache, or made and put there; the key is all that they depend on.
 
-    A cache that can't be read or written is no error: the arrays are then made each time. A file that isn't
-    as it was written is removed, and made anew.
+    A cache that can't be read or written is no error: the arrays are then made each time. A damaged file is
+    removed and made again.
     """
     name = _digest(key)
     path = cache_folder() / kind / f"{name}.npz"

@@ -132,6 +132,6 @@ def _read_features(path: Path) -> NDArray[np.float32]:
     count, dimensions = (int(number) for number in np.frombuffer(whole[:8], dtype="<i4"))
     numbers = np.frombuffer(whole[8:], dtype="<f4")
     if min(count, dimensions) < 1 or len(numbers) != count * (3 + dimensions):
-        message = f"{path}: says {count} points of {dimensions} numbers, but holds {len(numbers)} numbers"
+        message = f"{path}: declares {count} points of {dimensions} numbers, but has {len(numbers)} numbers"
         raise InputError(message)
     return numbers.reshape(count, 3 + dimensions)[:, 3:].astype(np.float32)

@@ -22,7 +22,7 @@ _NAME = re.compile(
 
 @dataclass(frozen=True)
 class Recipe:
-    """What a generated problem is drawn from, see `make_scene`; `number` tells problems of one kind apart."""
+    """Parameters of a generated problem, see `make_scene`; `number` distinguishes problems of one kind."""
 
     scene: str = "uniform"
     n: int = 1000

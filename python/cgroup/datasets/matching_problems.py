@@ -62,7 +62,7 @@ class MatchingProblem:
     T_target_source : (4,4) ndarray of float64
         The true pose.
     recipe : str
-        What it was drawn from, for messages.
+        The parameters of the draw, for messages.
     """
 
     source: FloatArray
@@ -84,7 +84,7 @@ class MatchingProblem:
         return len(self.source)
 
     def correspondences(self) -> Correspondences:
-        """Return what a grouping method is given.
+        """Return the input of a grouping method.
 
         Returns
         -------
@@ -144,8 +144,8 @@ def make_problem(
 ) -> MatchingProblem:
     """Draw a matching problem.
 
-    Source points are strewn over a bumpy ellipsoid. An inlier's partner is its image under a random rigid
-    motion, plus noise; an outlier's lies anywhere else on the moved surface. Ratios and similarities are
+    Source points are drawn on a bumpy ellipsoid. An inlier's partner is its image under a random rigid
+    motion, plus noise; an outlier's is anywhere else on the moved surface. Ratios and similarities are
     beta-distributed: better for inliers, with much overlap.
 
     Parameters
@@ -393,7 +393,7 @@ def _surface(directions: FloatArray, radius: float) -> FloatArray:
 
 
 def _turned(rng: np.random.Generator, frames: FloatArray, degrees: float) -> FloatArray:
-    """(n,3,3) frames, each turned by the given angle about a random axis."""
+    """(n,3,3) frames, each rotated by the given angle about a random axis."""
     x, y, z = _directions(rng, len(frames)).T
     zero = np.zeros(len(frames))
     cross = np.moveaxis(np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]), 2, 0)
@@ -426,7 +426,7 @@ def _rival(
 
 
 def _judged(problem: MatchingProblem) -> MatchingProblem:
-    """Find anew which matches are right."""
+    """Recompute the mask of right matches."""
     errors = np.linalg.norm(apply(problem.T_target_source, problem.source) - problem.target, axis=1)
     return replace(problem, inlier_mask=errors <= CORRECT_WITHIN * problem.resolution)
 

@@ -71,7 +71,7 @@ def open_dataset(name: str, root: Path | None = None) -> Dataset:
     Raises
     ------
     InputError
-        If the name is unknown, or the data isn't there: the message says where to get it.
+        If the name is unknown, or files are missing: the message names their source.
 
     Examples
     --------

@@ -20,9 +20,9 @@ from cgroup.rigid import check_rigid
 from cgroup.types import FloatArray, PointCloud
 
 VOXEL = 0.025
-"""Edge length in m of the cells that fragments are thinned out to; the resolution is then about 16 mm."""
+"""Edge length in m of the cells that fragments are downsampled to; the resolution is then about 16 mm."""
 
-_THINNED = "_2.5cm"  # in the names of files that are thinned out already
+_THINNED = "_2.5cm"  # in the names of files that are downsampled already
 
 
 class _Entry(NamedTuple):
@@ -33,7 +33,7 @@ class _Entry(NamedTuple):
 
 
 class ThreeDMatch(FileDataset[_Entry]):
-    """Pairs of the 3DMatch and 3DLoMatch test sets, thinned out to `VOXEL`; unit m.
+    """Pairs of the 3DMatch and 3DLoMatch test sets, downsampled to `VOXEL`; unit m.
 
     Pairs named ``3DMatch/scene/target-source`` overlap by at least 30 %, pairs named ``3DLoMatch/...`` by 10
     to 30 %, as their owners count; the fact ``overlap`` is measured. What both list is listed twice.
@@ -47,8 +47,8 @@ class ThreeDMatch(FileDataset[_Entry]):
     ----------
     benchmark : str
         Pairs of this one only; all by default.
-    thinned : bool
-        Whether fragments are thinned out.
+    downsampled : bool
+        Whether fragments are downsampled.
     """
 
     name, title = "3dmatch", "3DMatch"
@@ -59,14 +59,14 @@ class ThreeDMatch(FileDataset[_Entry]):
     url = "https://3dmatch.cs.princeton.edu; poses of 3DLoMatch: https://github.com/prs-eth/OverlapPredator"
 
     benchmark: ClassVar[str] = ""
-    thinned: ClassVar[bool] = True
+    downsampled: ClassVar[bool] = True
 
     def subject_of(self, name: str) -> str:
         """Return the scene."""
         return self._entry(name).scene
 
     def load(self, name: str) -> MatchingPair:
-        """Read two fragments, thin them out, and compute their overlap."""
+        """Read two fragments, downsample them, and compute their overlap."""
         entry = self._entry(name)
         source, target = (self._read_fragment(entry.scene, each) for each in (entry.source, entry.target))
         pose = fitting_pose(entry.pose, source, target, origin=name)
@@ -97,7 +97,7 @@ class ThreeDMatch(FileDataset[_Entry]):
     def _read_fragment(self, scene: str, number: int) -> PointCloud:
         path = self._places(scene, number)[0]
         cloud = read_cloud(path)
-        whole = _THINNED in path.name or not self.thinned
+        whole = _THINNED in path.name or not self.downsampled
         return cloud if whole else PointCloud(voxel_means(cloud.points, VOXEL))
 
     def _from_logs(self) -> dict[str, _Entry]:
@@ -119,17 +119,17 @@ class ThreeDMatch(FileDataset[_Entry]):
 
 
 class ThreeDMatchTest(ThreeDMatch):
-    """The pairs of 3DMatch's test set, all 1,623 if they are there; its fragments aren't thinned out."""
+    """The pairs of 3DMatch's test set, all 1,623 if they are there; its fragments are not downsampled."""
 
     name, title = "3dmatch-test", "3DMatch test set"
-    benchmark, thinned = "3DMatch/", False
+    benchmark, downsampled = "3DMatch/", False
 
 
 class ThreeDLoMatchTest(ThreeDMatch):
-    """The pairs of 3DLoMatch, all 1,781 if they are there; its fragments aren't thinned out."""
+    """The pairs of 3DLoMatch, all 1,781 if they are there; its fragments are not downsampled."""
 
     name, title = "3dlomatch-test", "3DLoMatch test set"
-    benchmark, thinned = "3DLoMatch/", False
+    benchmark, downsampled = "3DLoMatch/", False
 
 
 def _order(name: str) -> tuple[bool, str, list[int]]:

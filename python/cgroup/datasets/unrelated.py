@@ -13,7 +13,7 @@ from cgroup.types import PointCloud
 
 @dataclass(frozen=True, eq=False)
 class UnrelatedPair:
-    """Two clouds that no rigid motion lays on each other.
+    """Two clouds that no rigid motion aligns.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ def mixed_names(dataset: Dataset) -> list[tuple[str, str]]:
     Parameters
     ----------
     dataset : Dataset
-        Its `subject_of` says what each pair shows.
+        Its `subject_of` names the subject of each pair.
 
     Returns
     -------
@@ -67,7 +67,7 @@ def mix(first: MatchingPair, second: MatchingPair) -> UnrelatedPair:
 def mirror(pair: MatchingPair) -> UnrelatedPair:
     """Reflect the target at the plane x = 0, and its viewpoint with it.
 
-    What isn't mirror-symmetric itself then fits nowhere. Faces and normals are dropped.
+    Unless the shape is mirror-symmetric, no pose fits then. Faces and normals are dropped.
 
     Parameters
     ----------

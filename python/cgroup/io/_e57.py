@@ -105,7 +105,9 @@ def _checked_pages(content: bytes) -> bytes:
         block = pages[first : first + _PAGES]
         wrong = np.flatnonzero(_checksums(block[:, :_USED]) != block[:, _USED:].copy().view(">u4")[:, 0])
         if len(wrong):
-            message = f"page {first + wrong[0]} doesn't fit its checksum: damaged, copy the file anew"
+            message = (
+                f"page {first + wrong[0]} does not match its checksum: the file is damaged, copy it again"
+            )
             raise InputError(message)
     return pages[:, :_USED].tobytes()
 

@@ -122,7 +122,7 @@ def digest_of(path: str | os.PathLike[str]) -> str | None:
 
 
 def check_outputs(paths: Iterable[Path], inputs: Iterable[str | os.PathLike[str]] = ()) -> None:
-    """Refuse outputs that would replace what was read, or is told, and those that are no regular files."""
+    """Refuse outputs that would replace an input, and those that are no regular files."""
     kept = {*_run.read, *map(_identify, inputs)} - {None}
     for path in paths:
         if _identify(path) in kept:

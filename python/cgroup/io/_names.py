@@ -27,7 +27,7 @@ def list_names(names: Sequence[str], rows: Sequence[int]) -> list[str]:
 
 
 def find_names(lines: Iterable[str]) -> ScanNames:
-    """Return what lines of `list_names` say, among others, whether or not they are comments."""
+    """Parse the lines of `list_names` among others, whether or not they are comments."""
     found = [match for line in lines if (match := _LINE.fullmatch(line.strip()))]
     return ScanNames(
         {int(match[2]): match[3] for match in found}, [int(match[2]) for match in found if match[1] is None]

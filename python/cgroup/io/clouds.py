@@ -66,7 +66,7 @@ def read_cloud(path: str | os.PathLike[str]) -> PointCloud:
     Parameters
     ----------
     path : path-like
-        The suffix says the format.
+        The suffix determines the format.
 
     Returns
     -------

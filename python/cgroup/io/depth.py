@@ -52,7 +52,7 @@ def read_depth(
     ------
     InputError
         If the file is missing, unreadable, no depth image or without a reading, or `intrinsics` or `scale`
-        can't be meant.
+        is invalid.
 
     Examples
     --------
@@ -132,6 +132,8 @@ def _check_chunks(content: bytes) -> None:
         length, name = struct.unpack_from(">I4s", content, place)
         (checksum,) = struct.unpack_from(">I", content, place + 8 + length)
         if zlib.crc32(content[place + 4 : place + 8 + length]) != checksum:
-            message = f"what stands at byte {place} doesn't fit its checksum: damaged, copy the file anew"
+            message = (
+                f"the data at byte {place} do not match their checksum: the file is damaged, copy it again"
+            )
             raise InputError(message)
         place += 12 + length

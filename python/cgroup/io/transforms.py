@@ -160,7 +160,7 @@ def write_transform(path: str | os.PathLike[str], transform: ArrayLike) -> None:
 
 
 def find_poses(name: str, numbers: NDArray[Any]) -> FloatArray:
-    """Return the poses (m,4,4) that numbers stand for, told by their shape; errors count poses from 1."""
+    """Return poses (m,4,4) from numbers in any notation, by their shape; errors count poses from 1."""
     values = as_floats(name, numbers)
     table = values.reshape(1, -1) if values.ndim < 2 or values.shape[1:] == (1,) else values
     rows, columns = table.shape[-2:]

@@ -52,7 +52,7 @@ class GraphContent(NamedTuple):
 
 
 def trust_steps(edges: IndexArray) -> FloatArray:
-    """Return the probability of edges of which nothing is told: 1 from a node to the next one, else .5."""
+    """Return the default probability of edges: 1 from a node to the next one, else 0.5."""
     return np.where(edges[:, 1] - edges[:, 0] == 1, 1.0, 0.5)
 
 
@@ -130,7 +130,7 @@ def _refuse(lines: IndexArray, is_bad: BoolArray, reason: str) -> None:
 
 
 def definite(information: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Raise the eigenvalues of semi-definite matrices, those within rounding too; and tell which were raised.
+    """Raise the eigenvalues of semi-definite matrices, those within rounding too; and return a mask of these.
 
     Eigenvalues are those of the matrix that is scaled to a diagonal of ones.
     """

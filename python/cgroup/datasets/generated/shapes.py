@@ -1,6 +1,6 @@
 """Generated shapes and their placement.
 
-A stone is a ball cut by planes, with bumps and dents at two scales, all strewn at random: rich in local
+A stone is a ball cut by planes, with bumps and dents at two scales, all placed at random: rich in local
 detail and without symmetry.
 """
 
@@ -27,7 +27,7 @@ _BUMPS = ((150, 60.0, 0.06), (500, 300.0, 0.03))
 def stone(rng: np.random.Generator, grid: int) -> Mesh:
     """Make a closed, star-shaped mesh of mean radius `RADIUS` in mm around the origin, wound outwards.
 
-    The generator says the shape, the grid does not: it is the number of vertices along each edge of the cube
+    The shape depends on the generator alone. The grid is the number of vertices along each edge of the cube
     that is blown up to the ball. There are 6 grid^2 vertices, those on the edges several times.
     """
     directions, faces = _ball(grid)

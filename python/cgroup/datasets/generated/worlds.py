@@ -14,7 +14,7 @@ from cgroup.evaluation import overlap
 from cgroup.rigid import invert
 from cgroup.types import FloatArray, PointCloud
 
-_SHARED = 0.02  # of the range: how near a point of the other scan lies where both saw the same place
+_SHARED = 0.02  # of the range: greatest distance of two points that show the same place
 _PER_KIND = 12
 _SOMEWHERE = ("lidar16", "sparse16", "lidar32", "lidar64", "station", "camera")  # what may stand anywhere
 
@@ -76,7 +76,7 @@ class Worlds(Dataset):
 
 
 class RepeatingWorlds(Worlds):
-    """Worlds that repeat: no look at two scans can tell where one lies on the other; unit m."""
+    """Worlds that repeat, so that two scans do not determine their pose; unit m."""
 
     name, title = "worlds-repeating", "Generated worlds that repeat, partial to partial"
     kinds: ClassVar = ("facade", "racks", "corridor", "twin", "gear")
@@ -291,7 +291,7 @@ def _room(rng: np.random.Generator) -> _Made:
 
 
 def _twin(rng: np.random.Generator) -> _Made:
-    """Make a room that lies on itself after half a turn."""
+    """Make a room that is symmetric under half a turn."""
     a, b = rng.uniform(4, 9, 2)
     half = _furniture(rng, a, b, int(rng.integers(3, 8)))
     turned = [[-x, -y, z, *size, yaw] for x, y, z, *size, yaw in half]
