@@ -16,13 +16,13 @@ from cgroup import features
 from cgroup._checks.values import as_choice, as_instance, as_number, as_word, guess_word, refuse_word
 from cgroup._runtime.plugins import load_plugin
 from cgroup.datasets.base import MatchingPair, mean_resolution
-from cgroup.datasets.generated.shapes import random_direction, stone
-from cgroup.datasets.voxels import voxel_means
+from cgroup.datasets.generated.shapes import random_direction, stones_around
+from cgroup.datasets.voxels import voxel_subset
 from cgroup.errors import InputError
 from cgroup.evaluation import overlap, within
 from cgroup.evaluation.ground_truth import OVERLAP_WITHIN, VISIBLE_WITHIN
 from cgroup.rigid import apply
-from cgroup.types import AnyCloud, BoolArray, FloatArray, IndexArray, PointCloud, as_cloud
+from cgroup.types import AnyCloud, BoolArray, IndexArray, PointCloud, as_cloud
 
 Nuisance: TypeAlias = Callable[[MatchingPair, float, np.random.Generator], MatchingPair]
 
@@ -43,8 +43,6 @@ __all__ = [
 
 LEAST_POINTS = 100
 """A nuisance that would leave fewer points than this is refused."""
-
-_STONE_GAP = 1.3  # diameters between the centres of what clutter puts beside the model
 
 
 def add_noise(cloud: AnyCloud, sigma: float, rng: np.random.Generator) -> PointCloud:
@@ -68,14 +66,6 @@ def add_noise(cloud: AnyCloud, sigma: float, rng: np.random.Generator) -> PointC
     ------
     InputError
         If sigma is negative or not finite, or an argument is of another type.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cgroup.nuisances import add_noise
-    >>> noisy = add_noise(np.zeros((999, 3)), 0.5, np.random.default_rng(0))
-    >>> round(float(noisy.points.std()), 1)
-    0.5
     """
     cloud, deviation = as_cloud("cloud", cloud), as_number("sigma", sigma)
     if not (np.isfinite(deviation) and deviation >= 0):
@@ -114,13 +104,6 @@ def decimate(
     ------
     InputError
         If the share is out of range or leaves fewer than 100 points, or another argument is wrong.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cgroup.nuisances import decimate
-    >>> len(decimate(np.zeros((1000, 3)), 0.5, np.random.default_rng(0)))
-    500
     """
     as_choice("method", method, ("random", "voxel"))
     as_instance("rng", rng, np.random.Generator)
@@ -131,7 +114,7 @@ def decimate(
     count = round(part * len(cloud))
     _check_left(count, f"share {part}")
     if method == "voxel":
-        return PointCloud(_voxel_subset(cloud.points, count))
+        return PointCloud(voxel_subset(cloud.points, count))
     kept = np.sort(rng.choice(len(cloud), size=count, replace=False))
     return _rows(cloud, kept)
 
@@ -364,7 +347,7 @@ def more_clutter(pair: MatchingPair, level: float, rng: np.random.Generator) -> 
     if missing < 0:
         remedy = f"{pair.name} has {1 - own.mean():.2f} already; ask for more than {level}"
         raise InputError("clutter", remedy=remedy)
-    stones = _stones(missing, scene, float(np.ptp(pair.source.points, axis=0).max()), pr, rng)
+    stones = stones_around(missing, scene, float(np.ptp(pair.source.points, axis=0).max()), pr, rng)
     target = PointCloud(np.concatenate([scene, stones]), faces=pair.target.faces)
     return replace(pair, target=target, facts={**pair.facts, "clutter": 1 - float(own.sum() / len(target))})
 
@@ -378,40 +361,6 @@ NUISANCES: dict[str, Nuisance] = {
     "clutter": more_clutter,
 }
 """What `apply_nuisance` knows by name."""
-
-
-def _stones(
-    count: int, scene: FloatArray, size: float, spacing: float, rng: np.random.Generator
-) -> FloatArray:
-    """So many points on stones that surround the scene without touching it."""
-    apart = _STONE_GAP * max(size, float(np.ptp(scene, axis=0).max()))
-    middle = (scene.max(axis=0) + scene.min(axis=0)) / 2
-    steps = np.arange(-4.0, 5.0)  # of a cubic lattice around the scene, whose nearest places come first
-    places = np.stack(np.meshgrid(steps, steps, steps), axis=-1).reshape(-1, 3)
-    shapes: list[FloatArray] = [np.empty((0, 3))]
-    for place in places[np.argsort(np.linalg.norm(places, axis=1), kind="stable")][1:]:
-        if count <= sum(len(shape) for shape in shapes):
-            break
-        vertices = stone(rng, max(8, round(size / (2 * spacing)))).vertices
-        shape = vertices * (size / np.ptp(vertices, axis=0).max())
-        shapes.append(voxel_means(shape, spacing) + middle + apart * place)
-    return np.concatenate(shapes)[:count]
-
-
-def _voxel_subset(points: FloatArray, count: int) -> FloatArray:
-    """Voxel means, with the cell size that leaves the number of points nearest to the one asked for."""
-    if count == len(points):
-        return points
-    extent = float(np.ptp(points, axis=0).max())
-    smallest, largest = extent / len(points), extent
-    best = points
-    for _ in range(30):
-        size = float(np.sqrt(smallest * largest))
-        means = voxel_means(points, size)
-        if abs(len(means) - count) < abs(len(best) - count):
-            best = means
-        smallest, largest = (size, largest) if len(means) > count else (smallest, size)
-    return best
 
 
 def _keep(cloud: PointCloud, keep: BoolArray) -> PointCloud:

@@ -14,7 +14,7 @@ from cgroup import InputError, features, group
 from cgroup.datasets import make_problem, open_dataset, standin_pair
 from cgroup.datasets.generated import stones
 from cgroup.datasets.generated.scanner import Mesh, range_image
-from cgroup.datasets.matching_problems import FRAMES, SCENES, make_scene
+from cgroup.datasets.matching_scenes import FRAMES, SCENES, make_scene
 from cgroup.evaluation import overlap, within
 from cgroup.evaluation.ground_truth import OVERLAP_WITHIN, VISIBLE_WITHIN, triangle_areas
 from cgroup.registration import correspond

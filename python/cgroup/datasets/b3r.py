@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import ClassVar, NamedTuple
 
 from cgroup import features
-from cgroup.datasets.base import FITTING_WITHIN, FileDataset, MatchingPair, fitting_pose, posed_pair
+from cgroup.datasets.base import FITTING_WITHIN, MatchingPair, fitting_pose, posed_pair
+from cgroup.datasets.file_datasets import FileDataset
 from cgroup.errors import InputError
 from cgroup.io import read_cloud, read_transform
 from cgroup.io._files import load_text

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from cgroup import features
-from cgroup.datasets.base import CorrespondencePair, FileDataset, MatchingPair, fitting_pose
+from cgroup.datasets.base import CorrespondencePair, MatchingPair, fitting_pose
+from cgroup.datasets.file_datasets import FileDataset
 from cgroup.evaluation import overlap
 from cgroup.evaluation.ground_truth import CORRECT_WITHIN
 from cgroup.io import read_cloud, read_correspondences, read_transform

@@ -11,13 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cgroup import features
-from cgroup.datasets.base import (
-    CorrespondencePair,
-    FileDataset,
-    MatchingPair,
-    mean_resolution,
-    measure_overlap,
-)
+from cgroup.datasets.base import CorrespondencePair, MatchingPair, mean_resolution, measure_overlap
+from cgroup.datasets.file_datasets import FileDataset
 from cgroup.errors import InputError
 from cgroup.io import read_cloud
 from cgroup.io._files import read_content

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cgroup.datasets.base import CorrespondencePair, Dataset
-from cgroup.datasets.matching_problems import FRAMES, SCENES, make_scene
+from cgroup.datasets.matching_scenes import FRAMES, SCENES, make_scene
 from cgroup.errors import InputError
 
 _NUMBER = r"[0-9.]+(?:e-?[0-9]+)?"

@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cgroup.datasets.base import FileDataset, MatchingPair
+from cgroup.datasets.base import MatchingPair
+from cgroup.datasets.file_datasets import FileDataset
 from cgroup.errors import InputError
 from cgroup.io import read_cloud, read_transform
 from cgroup.io._files import load_numbers, load_text, parse_file

@@ -2,13 +2,11 @@
 
 No clouds, detectors or descriptors are involved: points, frames, similarities and ratios are drawn directly,
 so that problems of any size and share of inliers take no time. The tests and the comparison with other
-libraries run on these; in Rust ``tests/common/mod.rs`` draws from the same distribution. `SCENES` change what
-the wrong matches of a problem do.
+libraries run on these; in Rust ``tests/common/mod.rs`` draws from the same distribution.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,23 +20,9 @@ from cgroup.types import BoolArray, Correspondences, FloatArray
 CORRECT_WITHIN = 5.0
 """pr. A match is correct where the true pose leaves no greater distance."""
 
-RIVALS = 0.8
-"""Matches that follow a rival of the true motion, per match that follows the true one."""
-
-ROOM = 150.0
-"""pr. Edge length of the walls in `planes`."""
-
-FRAMES = {
-    "good": {"frame_error": 8.0, "random_frames": 0.1},
-    "bad": {"frame_error": 30.0, "random_frames": 0.7},
-    "none": {},
-}
-"""Arguments of `make_problem` by the quality of the frames; ``none`` leaves the frames out."""
-
 _AXES = np.array([1.0, 0.7, 0.5])  # of the ellipsoid, in units of the longest
 _DISTANCE = 50.0  # pr, standard deviation of the translation per axis
 _FEW_INLIERS = 0.1  # share below which the ratios of inliers are nearly those of outliers
-_CANDIDATES = 3  # of each source point, in one-to-three problems
 
 
 @dataclass(frozen=True, repr=False)
@@ -222,7 +206,7 @@ def make_problem(
     target = source @ rotation.T + translation + rng.normal(size=(n, 3)) * noise
     target_lrf = _turned(rng, source_lrf @ rotation.T, frame_error)
     directions = _directions(rng, n)
-    near = _are_near(source, _surface(directions, radius), CORRECT_WITHIN)  # these would be right by accident
+    near = are_near(source, _surface(directions, radius), CORRECT_WITHIN)  # these would be right by accident
     elsewhere = _surface(np.where(near, -directions, directions), radius) @ rotation.T + translation
     target[~is_inlier] = elsewhere[~is_inlier]
     unrelated = ~is_inlier | (rng.random(n) < random_frames)
@@ -263,114 +247,7 @@ def make_problem(
         inlier_mask=is_inlier,
         T_target_source=transform,
     )
-    return _judged(problem)
-
-
-def make_scene(
-    rng: np.random.Generator, n: int, *, inliers: float, noise: float, scene: str, frames: str
-) -> MatchingProblem:
-    """Draw a matching problem that is hard in one way.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        The only source of randomness.
-    n : int
-        Number of matches; up to two more in ``one-to-three``.
-    inliers, noise : float
-        Share of right ones, and their standard deviation per axis in pr.
-    scene : {"uniform", "second-pose", "planes", "mirror", "one-to-three"}
-        What wrong matches do: lie anywhere; follow a second motion, 0.8 for each right one; lie, as all
-        points, on a few walls; follow a mirrored motion; or share their source point, three by three.
-    frames : {"good", "bad", "none"}
-        Whether local reference frames are off by 8 degrees and 10 % unrelated, or by 30 degrees and 70 %;
-        with "none" they are all missing (NaN).
-
-    Returns
-    -------
-    MatchingProblem
-        Its arrays are the caller's own.
-
-    Raises
-    ------
-    InputError
-        If a name is unknown, or a share can't be had: at most a third of one-to-three matches is right.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cgroup.datasets import make_scene
-    >>> kind = {"scene": "one-to-three", "frames": "good"}
-    >>> problem = make_scene(
-    ...     np.random.default_rng(0), 300, inliers=0.1, noise=1.0, **kind
-    ... )
-    >>> len(problem), len(np.unique(problem.source, axis=0))
-    (300, 100)
-    """
-    for name, given, known in (("scene", scene, SCENES), ("frames", frames, FRAMES)):
-        if given not in known:
-            raise InputError(name, f"{given!r}", f"choose one of {', '.join(known)}")
-    share = _CANDIDATES * inliers if scene == "one-to-three" else inliers
-    if share > 1:
-        raise InputError("inliers", inliers, "of one-to-three matches at most a third is right")
-    problem = make_problem(rng, n, inlier_ratio=share, noise=noise, **FRAMES[frames])
-    made = SCENES[scene](rng, problem)
-    if frames == "none":
-        missing = np.full_like(made.source_lrf, np.nan)
-        made = replace(made, source_lrf=missing, target_lrf=missing.copy())
-    return replace(made, recipe=f"{scene}, n={n}, inliers={inliers}, noise={noise}, frames={frames}")
-
-
-def planes(rng: np.random.Generator, problem: MatchingProblem) -> MatchingProblem:
-    """Put all points on a floor and two walls, where many wrong matches agree with each other by chance.
-
-    Right matches keep their noise.
-    """
-    scale, right = problem.resolution, problem.inlier_mask
-    source = _on_walls(rng, len(problem)) * scale
-    noise = problem.target - apply(problem.T_target_source, problem.source)
-    others = _on_walls(rng, len(problem)) * scale
-    near = _are_near(source, others, CORRECT_WITHIN * scale)  # these would be right by accident
-    partners = np.where(near, np.roll(others, 1, axis=0), others)
-    target = apply(problem.T_target_source, np.where(right[:, None], source, partners))
-    target[right] += noise[right]
-    centroid = source.mean(axis=0) if len(source) else problem.source_centroid
-    return _judged(replace(problem, source=source, target=target, source_centroid=centroid))
-
-
-def one_to_three(rng: np.random.Generator, problem: MatchingProblem) -> MatchingProblem:
-    """Give every source point three partners in a row, at most one of them right.
-
-    Two thirds of the matches are new ones, so that their share of right ones falls to a third; a problem of
-    as many matches as before is returned, or one or two more.
-    """
-    kept = rng.permutation(len(problem))[: -(-len(problem) // _CANDIDATES)]
-    groups = np.repeat(kept, _CANDIDATES)
-    # The first of each three stays; the partners of the others are those of other matches.
-    partners = rng.integers(0, max(len(problem), 1), size=len(groups))
-    partners[::_CANDIDATES] = kept
-    first = np.arange(len(groups)) % _CANDIDATES == 0
-    rows = problem.subset(groups)
-    unlike = rng.beta(9.0, 1.2, len(groups))
-    tripled = replace(
-        rows,
-        target=problem.target[partners],
-        target_lrf=problem.target_lrf[partners],
-        ratio=np.where(first, rows.ratio, np.maximum(rows.ratio, unlike)),
-        similarity=np.where(first, rows.similarity, rng.beta(4.0, 3.0, len(groups))),
-    )
-    order = np.argsort(rng.random((len(kept), _CANDIDATES)), axis=1)  # within each three
-    return _judged(tripled.subset((order + _CANDIDATES * np.arange(len(order))[:, None]).ravel()))
-
-
-SCENES: dict[str, Callable[[np.random.Generator, MatchingProblem], MatchingProblem]] = {
-    "uniform": lambda _, problem: problem,
-    "second-pose": lambda rng, problem: _rival(rng, problem, (1.0, 1.0, 1.0)),
-    "planes": planes,
-    "mirror": lambda rng, problem: _rival(rng, problem, (-1.0, 1.0, 1.0)),
-    "one-to-three": one_to_three,
-}
-"""What wrong matches are like, by name."""
+    return judged(problem)
 
 
 def random_rotations(rng: np.random.Generator, n: int) -> FloatArray:
@@ -402,41 +279,12 @@ def _turned(rng: np.random.Generator, frames: FloatArray, degrees: float) -> Flo
     return frames @ np.swapaxes(rotation, 1, 2)
 
 
-def _rival(
-    rng: np.random.Generator, problem: MatchingProblem, flip: tuple[float, float, float]
-) -> MatchingProblem:
-    """Let wrong matches follow another motion, `RIVALS` for each right one, beside the true image.
-
-    Mirrored ones keep all distances, but no rigid motion explains them.
-    """
-    rotation = random_rotations(rng, 1)[0]
-    moved = (problem.source * np.array(flip)) @ rotation.T
-    wrong = np.flatnonzero(~problem.inlier_mask)
-    wanted = round(RIVALS * np.count_nonzero(problem.inlier_mask))
-    chosen = rng.permutation(wrong)[:wanted]
-    right = problem.inlier_mask
-    noise = problem.target[right] - apply(problem.T_target_source, problem.source[right])
-    spread = float(noise.std()) if len(noise) else 0.0
-    target, frames = problem.target.copy(), problem.target_lrf.copy()
-    center = apply(problem.T_target_source, problem.source).mean(axis=0) if len(target) else np.zeros(3)
-    shift = center - moved.mean(axis=0) if len(moved) else center
-    target[chosen] = moved[chosen] + shift + rng.normal(scale=spread, size=(len(chosen), 3))
-    frames[chosen] = problem.source_lrf[chosen] @ rotation.T
-    return _judged(replace(problem, target=target, target_lrf=frames))
-
-
-def _judged(problem: MatchingProblem) -> MatchingProblem:
-    """Recompute the mask of right matches."""
+def judged(problem: MatchingProblem) -> MatchingProblem:
+    """Return the problem with its mask of right matches recomputed."""
     errors = np.linalg.norm(apply(problem.T_target_source, problem.source) - problem.target, axis=1)
     return replace(problem, inlier_mask=errors <= CORRECT_WITHIN * problem.resolution)
 
 
-def _on_walls(rng: np.random.Generator, n: int) -> FloatArray:
-    """Draw (n,3) points on three faces of a cube that meet in a corner, in pr."""
-    points = rng.random((n, 3)) * ROOM
-    points[np.arange(n), rng.integers(0, 3, size=n)] = 0.0
-    return points
-
-
-def _are_near(source: FloatArray, others: FloatArray, distance: float) -> BoolArray:
+def are_near(source: FloatArray, others: FloatArray, distance: float) -> BoolArray:
+    """Mask (n,1) of the points that are within a distance of their partners."""
     return np.linalg.norm(others - source, axis=1, keepdims=True) <= distance

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from cgroup.datasets.base import data_root
+from cgroup.datasets.file_datasets import data_root
 from cgroup.datasets.generated.shapes import random_pose
 from cgroup.datasets.generated.stones import standin_pair
 from cgroup.datasets.stanford import read_views

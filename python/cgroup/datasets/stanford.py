@@ -12,8 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cgroup.datasets.base import FileDataset, MatchingPair, measure_overlap
+from cgroup.datasets.base import MatchingPair, measure_overlap
 from cgroup.datasets.cache import cached
+from cgroup.datasets.file_datasets import FileDataset
 from cgroup.datasets.pose_lists import manifest_pairs
 from cgroup.errors import InputError
 from cgroup.features import Viewpoint

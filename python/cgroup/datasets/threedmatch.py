@@ -11,7 +11,8 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from cgroup.datasets.base import FileDataset, MatchingPair, fitting_pose, measure_overlap
+from cgroup.datasets.base import MatchingPair, fitting_pose, measure_overlap
+from cgroup.datasets.file_datasets import FileDataset
 from cgroup.datasets.pose_lists import manifest_pairs
 from cgroup.datasets.voxels import voxel_means
 from cgroup.io import read_cloud

@@ -12,7 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cgroup.datasets.base import FileDataset, MatchingPair, fitting_pose, measure_overlap
+from cgroup.datasets.base import MatchingPair, fitting_pose, measure_overlap
+from cgroup.datasets.file_datasets import FileDataset
 from cgroup.errors import InputError
 from cgroup.io import read_cloud
 from cgroup.io._files import load_text

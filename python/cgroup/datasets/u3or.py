@@ -13,8 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cgroup.datasets.base import FileDataset, MatchingPair, Origin, faces_of, fitting_pose, measure_clutter
+from cgroup.datasets.base import MatchingPair, Origin, faces_of, fitting_pose, measure_clutter
 from cgroup.datasets.cache import cached
+from cgroup.datasets.file_datasets import FileDataset
 from cgroup.datasets.generated.scanner import Mesh, RangeImage, merge, range_image
 from cgroup.errors import InputError
 from cgroup.evaluation.ground_truth import VISIBLE_WITHIN

@@ -20,3 +20,19 @@ def voxel_means(points: FloatArray, size: float) -> FloatArray:
     )
     counts = np.bincount(rows)
     return np.stack([np.bincount(rows, weights=points[:, axis]) / counts for axis in range(3)], axis=1)
+
+
+def voxel_subset(points: FloatArray, count: int) -> FloatArray:
+    """Voxel means, with the cell size that leaves the number of points nearest to the one asked for."""
+    if count == len(points):
+        return points
+    extent = float(np.ptp(points, axis=0).max())
+    smallest, largest = extent / len(points), extent
+    best = points
+    for _ in range(30):
+        size = float(np.sqrt(smallest * largest))
+        means = voxel_means(points, size)
+        if abs(len(means) - count) < abs(len(best) - count):
+            best = means
+        smallest, largest = (size, largest) if len(means) > count else (smallest, size)
+    return best

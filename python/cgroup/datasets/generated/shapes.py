@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from cgroup.datasets.generated.scanner import Mesh
 from cgroup.rigid.transforms import turn
+from cgroup.datasets.voxels import voxel_means
 from cgroup.types import FloatArray, IndexArray
 
 RADIUS = 50.0
@@ -20,6 +21,7 @@ _AXES = (1.0, 0.85, 0.7)  # of the ellipsoid that the details sit on, in radii
 
 _FACETS, _CUT = 150, 0.15  # planes that cut the ball, and the depth of the deepest cut in radii
 _TALLEST = 1.1  # radii, of what no plane cuts off
+_STONE_GAP = 1.3  # diameters between the centres of stones around a scene
 # Bumps and dents: (how many, sharpness, height in radii); down to 1/e at an angle of sqrt(2 / sharpness).
 _BUMPS = ((150, 60.0, 0.06), (500, 300.0, 0.03))
 
@@ -44,6 +46,24 @@ def stone(rng: np.random.Generator, grid: int) -> Mesh:
             near = np.flatnonzero(cosines > 1 - 10 / sharpness)  # elsewhere it is below bump / 20000
             height[near] += bump * np.exp(sharpness * (cosines[near] - 1))
     return Mesh(RADIUS * height[:, None].astype(np.float64) * directions * _AXES, faces)
+
+
+def stones_around(
+    count: int, scene: FloatArray, size: float, spacing: float, rng: np.random.Generator
+) -> FloatArray:
+    """Return points on stones that surround a scene without touching it."""
+    apart = _STONE_GAP * max(size, float(np.ptp(scene, axis=0).max()))
+    middle = (scene.max(axis=0) + scene.min(axis=0)) / 2
+    steps = np.arange(-4.0, 5.0)  # of a cubic lattice around the scene, whose nearest places come first
+    places = np.stack(np.meshgrid(steps, steps, steps), axis=-1).reshape(-1, 3)
+    shapes: list[FloatArray] = [np.empty((0, 3))]
+    for place in places[np.argsort(np.linalg.norm(places, axis=1), kind="stable")][1:]:
+        if count <= sum(len(shape) for shape in shapes):
+            break
+        vertices = stone(rng, max(8, round(size / (2 * spacing)))).vertices
+        shape = vertices * (size / np.ptp(vertices, axis=0).max())
+        shapes.append(voxel_means(shape, spacing) + middle + apart * place)
+    return np.concatenate(shapes)[:count]
 
 
 def random_direction(rng: np.random.Generator) -> FloatArray:

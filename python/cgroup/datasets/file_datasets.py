@@ -1,0 +1,106 @@
+"""Data sets in files, and the search for them."""
+
+from __future__ import annotations
+
+import os
+from abc import abstractmethod
+from collections.abc import Iterable
+from pathlib import Path
+from typing import ClassVar, Generic, TypeVar
+
+from cgroup.datasets.base import Dataset
+from cgroup.errors import InputError
+
+Entry = TypeVar("Entry")
+
+
+class FileDataset(Dataset, Generic[Entry]):
+    """Pairs in files of one folder: a subclass lists them and the files of each, and reads one."""
+
+    folder: ClassVar[str]
+    """Its name below the data root."""
+    url: ClassVar[str]
+    """Where to get the files."""
+    example: ClassVar[str] = ""
+    """A file of the folder, for the error where no pair is listed; empty where that is none."""
+
+    def __init__(self, root: Path | str | None = None) -> None:
+        self._folder = self._find_folder(data_root(root))
+        listed = self._list_pairs()
+        first_missing = {name: self._find_lacking(entry) for name, entry in listed.items()}
+        self._lacking = {name: path for name, path in first_missing.items() if path is not None}
+        self._pairs = {name: entry for name, entry in listed.items() if name not in self._lacking}
+        if not self._pairs and (self._lacking or self.example):
+            raise self._missing(next(iter(self._lacking.values()), self._folder / self.example))
+
+    def pair_names(self) -> list[str]:
+        """Return the names of all pairs whose files are there."""
+        return list(self._pairs)
+
+    def _find_folder(self, root: Path) -> Path:
+        path = root / self.folder
+        if not path.is_dir():
+            got = f"{path}: no such folder, so {self.title} isn't there"
+            message = f"{got}; get it from {self.url} (docs/datasets.md)"
+            raise InputError(message)
+        return path
+
+    @abstractmethod
+    def _list_pairs(self) -> dict[str, Entry]:
+        """List all pairs by name, those too that lack files."""
+
+    def _needed(self, entry: Entry) -> Iterable[tuple[Path, ...]]:
+        """Return the files of a pair, each as the places that it may be in; an error names the first."""
+        raise NotImplementedError
+
+    def _find_lacking(self, entry: Entry) -> Path | None:
+        lacking = (places[0] for places in self._needed(entry) if not any(map(Path.is_file, places)))
+        return next(lacking, None)
+
+    def _entry(self, name: str) -> Entry:
+        self.check_name(name)
+        return self._pairs[name]
+
+    def _locate(self, places: tuple[Path, ...]) -> Path:
+        """Return the first place where there is a file."""
+        found = next(filter(Path.is_file, places), None)
+        if found is None:
+            raise self._missing(places[0])
+        return found
+
+    def _missing(self, path: Path) -> InputError:
+        message = f"{path}: isn't there, but {self.title} needs it; get it from {self.url} (docs/datasets.md)"
+        return InputError(message)
+
+
+def data_root(given: Path | str | None = None) -> Path:
+    """Folder that holds the data sets' folders.
+
+    Parameters
+    ----------
+    given : path-like, optional
+        Taken if given; else the environment variable ``CGROUP_DATA``.
+
+    Returns
+    -------
+    Path
+        An existing folder.
+
+    Raises
+    ------
+    InputError
+        If neither is given, or the folder doesn't exist.
+    """
+    value = given if given is not None else os.environ.get("CGROUP_DATA")
+    if not value:
+        message = (
+            "no folder with data: give one, or set CGROUP_DATA to it; docs/datasets.md lists the contents "
+            "and the sources. The data sets named standin-... need none"
+        )
+        raise InputError(message)
+    root = Path(value)
+    if not root.is_dir():
+        source = "" if given is not None else " (from CGROUP_DATA)"
+        message = f"{root}: no such folder{source}; give the one that holds the data sets' folders"
+        raise InputError(message)
+    return root
