@@ -33,6 +33,7 @@ def write_array(path: Path, array: NDArray[Any], lines: Iterable[str]) -> None:
 
 
 def npz_bytes(**arrays: ArrayLike) -> bytes:
+    """Return the content of a compressed NPZ file."""
     buffer = io.BytesIO()
     np.savez_compressed(buffer, allow_pickle=False, **arrays)
     return buffer.getvalue()
@@ -127,6 +128,7 @@ def _read_array(file: IO[bytes], size: int, kinds: str = _KINDS) -> NDArray[Any]
 
 
 def single_number(path: Path, value: ArrayLike) -> float:
+    """Return the resolution that a file has; raise unless it is one number."""
     array = as_array("resolution", value)
     if array.size != 1 or array.dtype.kind not in "fiu":
         message = f"{path}: resolution has shape {array.shape} of {array.dtype}; it is a single number"
