@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from typing import Literal
 
-from cgroup.methods import group_based, individual, modern  # noqa: F401 - declare the methods
+# Importing these declares the methods.
+from cgroup.methods import group_based, individual, modern  # noqa: F401  # pyright: ignore[reportUnusedImport]
 from cgroup.methods._declare import DECLARED, DESCRIBED
 
 METHOD_INFO = {name: DECLARED[name] for name in DESCRIBED}
 
 MethodName = Literal[tuple(METHOD_INFO)]
 
-__all__ = [info.function.__name__ for info in METHOD_INFO.values()]
+__all__ = [info.function.__name__ for info in METHOD_INFO.values()]  # pyright: ignore[reportUnsupportedDunderAll]
 
 globals().update({info.function.__name__: info.function for info in METHOD_INFO.values()})
