@@ -87,8 +87,8 @@ GROUPS: dict[str, dict[str, str]] = {
     },
     "cgroup.evaluation": {
         "Which matches are right": "correct_matches match_errors",
-        "How good a group is": "score_group score_counts GroupScore Scores",
-        "How good a pose is": "alignment_error mean_displacement rotation_error translation_error",
+        "How good a group is": "score_group GroupScore",
+        "How good a pose is": "alignment_error rotation_error translation_error",
         "How good a scene is": "score_scene SceneScore ecdf",
         "Recalls of benchmarks": "redwood_error registration_recall feature_matching_recall inlier_ratio "
         "mean_average_accuracy",
@@ -112,8 +112,7 @@ GROUPS: dict[str, dict[str, str]] = {
         "more_clutter more_occlusion LEAST_POINTS",
     },
     "cgroup.plots": {
-        "Clouds and matches": "registration_figure comparison_figure matches_figure keypoints_figure",
-        "Scores": "precision_recall_figure",
+        "Clouds and matches": "registration_figure comparison_figure keypoints_figure",
     },
     "cgroup.pages": {
         "Pages of a result": "registration_page scene_page comparison_page",

@@ -1,40 +1,32 @@
-"""Compare several methods on the same correspondences, each judged against the true pose."""
+"""Methods compared on the same correspondences, against the true pose."""
 
 from __future__ import annotations
 
 import csv
 import io
+import os
 import time
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cgroup._checks.values import as_items
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.evaluation import (
+    GroupScore,
     correct_matches,
-    mean_displacement,
     rotation_error,
     score_group,
     translation_error,
 )
-from cgroup.evaluation.ground_truth import CORRECT_WITHIN
+from cgroup.evaluation.ground_truth import CORRECT_WITHIN, mean_displacement
 from cgroup.group import check_method, group
 from cgroup.io import write_file
-from cgroup.registry import METHODS
-
-if TYPE_CHECKING:
-    import os
-    from collections.abc import Callable, Iterable, Iterator
-    from typing import Any
-
-    from numpy.typing import ArrayLike
-
-    from cgroup.evaluation import GroupScore
-    from cgroup.registry import MethodName
-    from cgroup.types import BoolArray, Correspondences, FloatArray, Grouping
-
+from cgroup.registry import METHODS, MethodName
+from cgroup.types import BoolArray, Correspondences, FloatArray, Grouping
 
 __all__ = [
     "MAX_DISPLACEMENT",
@@ -47,48 +39,35 @@ __all__ = [
 ]
 
 MAX_ROTATION = 5.0
-"""Degrees that the pose of a registered pair may be off, by default."""
+"""Default largest rotation error of a registered pair, in degrees."""
 
 MAX_DISPLACEMENT = 5.0
-"""Resolutions that the matched points of a registered pair may be displaced on average, by default."""
+"""Default largest mean displacement of the matched points of a registered pair, in resolutions."""
 
 
 @dataclass(frozen=True, eq=False)
 class MethodResult:
-    """What one method made of the correspondences, and how good that is.
+    """The group and the pose of one method, with their scores.
 
     Attributes
     ----------
     method : str
         Public name.
     grouping : Grouping
-        What it selected.
+        Its group.
     score : GroupScore
-        Precision, recall, F; its `registered` says whether precision exceeds 0.1.
+        Precision, recall, F; `registered`: whether precision exceeds 0.1.
     T_target_source : (4,4) array of float64, optional
-        Least-squares pose of the group; None if the group fixes none.
-    rotation_error : float
-        Of that pose, in degrees; NaN without a pose.
-    translation_error : float
-        Of that pose, in the data's unit; NaN without a pose.
+        Least-squares pose of the group, if there is one.
+    rotation_error, translation_error : float
+        Errors of that pose, in degrees and in the data's unit; NaN without a pose.
     displacement : float
-        Mean distance of the matched source points under that pose from where they are under the true one,
-        in the data's unit; NaN without a pose.
+        Mean distance of the matched source points between that pose and the true one, in the data's unit; NaN
+        without a pose.
     registered : bool
-        Whether rotation error and displacement are within the limits of `compare`.
+        Whether rotation error and displacement are within the limits.
     seconds : float
         Wall time of the grouping alone.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cgroup.comparison import compare
-    >>> from cgroup.datasets import make_problem
-    >>> problem = make_problem(np.random.default_rng(0), 200)
-    >>> matches, pose = problem.correspondences(), problem.T_target_source
-    >>> (result,) = compare(matches, pose, methods=["gtm"])
-    >>> result.method, result.registered, result.score.precision > 0.9
-    ('gtm', True, True)
     """
 
     method: str
@@ -118,21 +97,20 @@ def compare(
     Parameters
     ----------
     correspondences : Correspondences
-        With every field that the methods need.
+        With all fields that the methods need.
     T_target_source : (4,4) array_like of float
         True pose.
     methods : iterable of str
         Names from `METHODS`, in any case; all by default.
     tolerance : float, optional
-        Largest distance of a correct match from its true place, in the data's unit; 5 times the resolution of
-        the correspondences by default.
+        As for `find_correct`.
     correct : (n,) array_like of bool, optional
-        Which correspondences are correct, where that is known already; `tolerance` doesn't matter then.
+        Which correspondences are correct, instead of by `tolerance`.
     max_rotation : float
         Largest rotation error of a registered pair, in degrees.
     max_displacement : float, optional
         Largest mean displacement of the matched source points of a registered pair, in the data's unit; the
-        tolerance where that is given, else 5 times the resolution.
+        tolerance if given, else 5 times the resolution.
     progress : callable, optional
         Called with the name of each method as it begins.
 
@@ -140,14 +118,6 @@ def compare(
     ------
     MethodResult
         As each method ends.
-
-    Raises
-    ------
-    InputError
-        If a field that a method needs or the resolution is missing, a method is unknown, or the pose isn't
-        rigid; as the first result is asked for, or that of the method.
-    OutOfMemoryError
-        Where the system gives no memory for a method.
 
     Examples
     --------
@@ -177,7 +147,7 @@ def compare(
 def find_correct(
     correspondences: Correspondences, T_target_source: ArrayLike, *, tolerance: float | None = None
 ) -> BoolArray:
-    """Find the correspondences that are correct.
+    """Return which correspondences are correct.
 
     Parameters
     ----------
@@ -192,22 +162,7 @@ def find_correct(
     Returns
     -------
     (n,) array of bool
-        True where the true pose leaves no greater distance than the tolerance.
-
-    Raises
-    ------
-    InputError
-        If neither tolerance nor resolution is known, or the pose isn't rigid.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cgroup import Correspondences
-    >>> from cgroup.comparison import find_correct
-    >>> source, target = [[0, 0, 0], [1, 0, 0]], [[0, 0, 0], [1, 3, 4]]
-    >>> matches = Correspondences(source, target, resolution=0.5)
-    >>> find_correct(matches, np.eye(4))
-    array([ True, False])
+        Whether the distance under the true pose is within the tolerance.
     """
     if tolerance is None:
         tolerance = CORRECT_WITHIN * _need_resolution(correspondences, "tolerance")
@@ -218,13 +173,13 @@ def find_correct(
 
 def _need_resolution(correspondences: Correspondences, name: str) -> float:
     if correspondences.resolution is None:
-        raise InputError(name, remedy="needed where no resolution is known; give it, or the resolution")
+        raise InputError(name, remedy="needed without a resolution; give it, or the resolution")
     return correspondences.resolution
 
 
 @dataclass(frozen=True, eq=False)
 class _Truth:
-    """What results are judged by."""
+    """The truth, and limits of errors."""
 
     pose: FloatArray
     correct: BoolArray
@@ -250,7 +205,7 @@ def _run_method(correspondences: Correspondences, method: str, truth: _Truth) ->
 
 
 def table(results: Iterable[MethodResult]) -> list[dict[str, str | int | float | bool]]:
-    """List the results as rows of plain values, for files and data frames.
+    """Return results as rows of plain values, for files and data frames.
 
     Parameters
     ----------
@@ -303,24 +258,6 @@ def write_table(path: str | os.PathLike[str], results: Iterable[MethodResult]) -
         File to write.
     results : iterable of MethodResult
         One row each, at least one.
-
-    Raises
-    ------
-    InputError
-        If there is no result, or the file can't be written.
-
-    Examples
-    --------
-    >>> from pathlib import Path
-    >>> import numpy as np
-    >>> from cgroup.comparison import compare, write_table
-    >>> from cgroup.datasets import make_problem
-    >>> problem = make_problem(np.random.default_rng(0), 200)
-    >>> matches, pose = problem.correspondences(), problem.T_target_source
-    >>> results = compare(matches, pose, methods=["gtm"])
-    >>> write_table("results.csv", results)
-    >>> Path("results.csv").read_text().split(",")[:3]
-    ['method', 'matches', 'correct']
     """
     rows = table(results)
     if not rows:

@@ -37,8 +37,7 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
 
 @pytest.fixture
 def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Run command lines in an empty folder, of 80 columns; `saved` in it holds the saved runs."""
+    """Run command lines in an empty folder, of 80 columns."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("CGROUP_RESULTS", str(tmp_path / "saved"))
     monkeypatch.delenv("COLUMNS", raising=False)
     return tmp_path

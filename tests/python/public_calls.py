@@ -169,7 +169,6 @@ def _judgement() -> dict[str, dict[str, dict[str, Any]]]:
             "within": {"points": POINTS, "others": POINTS, "radius": 1.0},
             "overlap": matched | pose | tolerance,
             "alignment_error": matched | poses | tolerance,
-            "mean_displacement": {"points": POINTS} | poses,
             "clutter_and_occlusion": mesh | {"T_scene_model": np.eye(4)} | tolerance,
             "ecdf": {"errors": [1.0, 2.0], "limits": [1.5]},
             "mean_average_accuracy": {"errors": [1.0, 2.0], "limits": [1.5]},
@@ -183,7 +182,6 @@ def _judgement() -> dict[str, dict[str, dict[str, Any]]]:
                 "truth": [np.eye(4)] * 2,
                 "labels": ["here", "here"],
             },
-            "score_counts": dict.fromkeys(("matches", "correct", "selected", "selected_correct"), 3),
             "score_group": {"mask": [True, False], "correct": [True, True]},
         },
         "nuisances": {

@@ -279,7 +279,7 @@ cli.main(["group", "matches.npz"])
         (
             "ZeroDivisionError('a\\nb')",
             70,
-            "unforeseen ZeroDivisionError (a b); this is an error of cgroup: please ",
+            "unexpected ZeroDivisionError (a b); this is a bug in cgroup: please ",
         ),
         ("MemoryError()", 2, "not enough memory"),
         ("ImportError('x.so: failed to map segment')", 2, "not enough memory (x.so: failed"),

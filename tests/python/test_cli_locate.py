@@ -45,7 +45,7 @@ def test_a_scan_is_located(folder: Path, capsys: Capture) -> None:
     assert lines[1] == f"map         map.ply: {len(PAIR.target)} points"
     assert lines[2].startswith("voxels      883 of 3.23")
     assert lines[3] == "places      1"
-    assert "% of the scan lies on the map\n" in out
+    assert "% of the scan overlaps the map\n" in out
     assert "\npose of the scan in the map's frame\n" in out
     assert "target" not in out
     assert lines[-1] == "wrote placed/scan_in_map.txt"
@@ -89,7 +89,7 @@ def test_places_that_look_the_same_are_listed(capsys: Capture) -> None:
     nearest = min(rows[1:], key=lambda row: abs(float(row[2]) - ORIGIN[0]))
     assert np.allclose([float(number) for number in nearest[2:]], ORIGIN, atol=2.0)
     assert "pose of the scan" not in out
-    assert err.startswith("cgroup: 2 places look the same, and the best is right with a probability of 0.")
+    assert err.startswith("cgroup: 2 places look the same, and the best is correct with a probability of 0.")
     assert err.endswith("give --near\n")
     assert not Path("out").exists()
     succeed(capsys, *line, "--near", *ORIGIN, "--radius", 20)
@@ -101,7 +101,7 @@ def test_a_scan_of_elsewhere_is_refused(capsys: Capture) -> None:
     status, out, err = run(capsys, *LINE)
     assert status == 3
     assert "pose of the scan" not in out
-    assert err.startswith("cgroup: the best place is right with a probability of 0.")
+    assert err.startswith("cgroup: the best place is correct with a probability of 0.")
     assert "of the scan on the map; if it is one single scan" in err
     assert err.endswith("--viewpoint\n")
     assert not Path("out/scan_in_map.txt").exists()  # of the earlier run
@@ -116,7 +116,7 @@ def test_a_scan_of_elsewhere_is_refused(capsys: Capture) -> None:
 
 def test_nothing_is_guessed_far_away(capsys: Capture) -> None:
     status, out, err = run(capsys, *LINE, "--near", 1e5, 0, 0)
-    assert (status, err) == (3, "cgroup: no place could be guessed; give a larger --radius\n")
+    assert (status, err) == (3, "cgroup: no candidate place was found; give a larger --radius\n")
     assert "places" not in out
 
 
@@ -147,7 +147,7 @@ def test_no_input_and_no_other_pose_is_replaced(capsys: Capture) -> None:
     Path("out").mkdir()
     pose = Path("out/scan_in_map.txt")
     pose.write_text("mine")
-    assert "is there, and not of these clouds" in fail(capsys, *LINE)
+    assert "is not the pose of these clouds" in fail(capsys, *LINE)
     assert pose.read_text() == "mine"
     Path("scan_in_map.txt").hardlink_to("scan.ply")
     assert "is one of the inputs" in fail(capsys, *LINE, "--out", ".")

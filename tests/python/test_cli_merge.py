@@ -105,7 +105,7 @@ def test_several_components_end_with_status_3(capsys: Capture) -> None:
     status, out, err = run(capsys, "merge", *NAMES, "--out", "scene")
     assert status == 3
     assert "components  3 scans, 1 scan" in out
-    assert "2 components (3 scans, 1 scan), not one; if each is one single scan" in err
+    assert "not all scans are connected: 2 components (3 scans, 1 scan); for single scans" in err
     assert "--viewpoint" in err
     assert not Path("scene/merged_2.ply").exists()  # of one scan
     assert "--viewpoint" not in run(capsys, "merge", *NAMES, "--viewpoint", 0, 0, 0)[2]
@@ -226,7 +226,7 @@ def test_what_is_refused_leaves_no_folder(
 
 
 def test_register_points_to_merge(capsys: Capture) -> None:
-    assert "cgroup merge places many" in fail(capsys, "register", "a.ply", "b.ply", "c.ply")
+    assert "cgroup merge registers many" in fail(capsys, "register", "a.ply", "b.ply", "c.ply")
 
 
 def test_progress_is_written_where_nothing_can_be_overwritten(

@@ -153,11 +153,11 @@ def test_the_main_table_fits_80_columns_and_has_every_method_as_json(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     arguments = (folder / "source.ply", folder / "target.ply", "--truth", folder / "truth.txt")
-    document = succeed(capsys, "compare", *arguments, "--save", "one", "--json")
+    document = succeed(capsys, "compare", *arguments, "--json")
     rows = parse(document)["results"]["methods"]
     assert [row["method"] for row in rows] == list(METHODS)
     assert all((row["T_target_source"] is None) == (row["rotation_error_deg"] is None) for row in rows)
-    lines = run(capsys, "results", "show", "one")[1].splitlines()
+    lines = succeed(capsys, "compare", *arguments).splitlines()
     head = next(line for line in lines if line.startswith("method"))
     assert head.split()[:6] == ["method", "selected", "precision", "recall", "F", "registered"]
     rows = lines[lines.index(head) + 1 :][: len(METHODS)]
@@ -271,7 +271,6 @@ def test_no_pose_as_json_has_the_guess(folder: Path, capsys: pytest.CaptureFixtu
         ("register a.ply b.ply --json", "register", "InputError"),
         ("register --json", "register", "UsageError"),
         ("benchmark status --out nowhere --json", "benchmark status", "InputError"),
-        ("results show nothing --json", "results show", "InputError"),
     ],
 )
 def test_errors_as_json(line: str, command: str, kind: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -298,15 +297,17 @@ def test_group_as_json(method: str, folder: Path, capsys: pytest.CaptureFixture[
     assert found["ok"] is None
 
 
-def test_group_says_pose_residuals_and_how_sure(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_group_prints_pose_residuals_and_reliability(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     _, out, _ = run(capsys, "group", folder / "matches.npz", "--method", "LC")
     lines = out.splitlines()
     assert lines[0].startswith("40 of 60 selected by LC")
     assert lines[2].split()[-1] == "1"
     assert any(line.startswith("residuals   root mean square") and line.endswith(" pr)") for line in lines)
-    assert any(line.startswith("sure        yes: ") for line in lines)
+    assert any(line.startswith("reliable    yes: ") for line in lines)
     _, out, _ = run(capsys, "group", folder / "matches.txt", "--method", "gtm")
-    assert "sure        not known: GTM can't tell; --method lc does" in out
+    assert "reliable    unknown: GTM has no estimate; --method lc has" in out
 
 
 @pytest.mark.parametrize("method", ["gtm", "lc"])
@@ -351,16 +352,13 @@ def complete(**environment: str) -> str:
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        ("cgroup re", ["register", "recognize", "results"]),
+        ("cgroup re", ["register", "recognize"]),
         ("cgroup group --method s", ["ss", "si", "st", "sc2pcr"]),
         ("cgroup register --effort ", ["low", "normal", "high"]),
         ("cgroup benchmark run sm", ["smoke"]),
-        ("cgroup results show f", ["first"]),
     ],
 )
-def test_bash_completes(words: str, expected: list[str], tmp_path: Path) -> None:
-    (tmp_path / "saved").mkdir()
-    (tmp_path / "saved" / "first.json").write_text("{}")
+def test_bash_completes(words: str, expected: list[str]) -> None:
     place = {"COMP_WORDS": words, "COMP_CWORD": str(words.count(" "))}
     assert complete(_CGROUP_COMPLETE="complete_bash", **place).split() == expected
 
@@ -393,7 +391,7 @@ def test_the_page_shows_output_of_80_columns() -> None:
 
 def test_the_page_names_every_command_and_every_key(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for words, command in COMMANDS.items():
-        if words[:1] not in {(), ("results",)} and not hasattr(command, "commands"):
+        if words and not hasattr(command, "commands"):
             assert re.search(rf"`[^`]*\b{words[-1]}\b[^`]*`", PAGE), words
     for line in (
         "register {0}/source.ply {0}/target.ply",

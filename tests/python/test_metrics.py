@@ -14,11 +14,11 @@ from cgroup.evaluation import (
     correct_matches,
     overlap,
     rotation_error,
-    score_counts,
     score_group,
     translation_error,
     within,
 )
+from cgroup.evaluation.metrics import score_counts
 from strategies import rigid
 
 

@@ -11,8 +11,6 @@ from matplotlib.figure import Figure
 from matplotlib.markers import MarkerStyle
 
 from cgroup import METHODS
-from cgroup.evaluation import score_counts
-from cgroup.plots import precision_recall_figure
 from cgroup.plots.experiments import (
     draw_times,
     pairs_chart,
@@ -121,11 +119,6 @@ def pair_by_pair(rows: pd.DataFrame, title: str, **options) -> Figure:
     return pairs_chart(rows, (AWKWARD[1], AWKWARD[2]), **options).draw(title)
 
 
-def precision_recall(rows: pd.DataFrame, title: str, **options) -> Figure:
-    scores = {method: score_counts(5, 4, 3, 2) for method in dict.fromkeys(rows["method"])}
-    return precision_recall_figure(scores, title=title, **options)
-
-
 def scores(rows: pd.DataFrame, title: str, **options) -> Figure:
     return scores_chart(rows, "x", **options).draw(title)
 
@@ -138,7 +131,7 @@ def trials(rows: pd.DataFrame, title: str, **options) -> Figure:
     return trials_chart(rows, **options).draw(title)
 
 
-FIGURES = (scores, rates, timing, pair_by_pair, precision_recall, trials)
+FIGURES = (scores, rates, timing, pair_by_pair, trials)
 
 
 def shown_labels(figure: Figure) -> list[str]:

@@ -11,8 +11,7 @@ from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 
 from cgroup import METHODS, Correspondences
-from cgroup.evaluation import score_group
-from cgroup.plots import comparison_figure, keypoints_figure, precision_recall_figure, registration_figure
+from cgroup.plots import comparison_figure, keypoints_figure, registration_figure
 from cgroup.plots.shading import face_broadside, paint, shade
 from cgroup.plots.style import ALONE, CORRECT, DISTANCE_COLORS, METHOD_STYLES, WRONG, method_style
 from cgroup.registry import METHOD_INFO
@@ -81,7 +80,6 @@ def test_figures_of_an_empty_group(scene: tuple) -> None:
     none, looks = np.zeros(len(correct), dtype=bool), {"T_target_source": POSE, "title": ""}
     assert drawn(comparison_figure(*given, correct=correct, masks={"gtm": none}, **looks))
     assert drawn(registration_figure(*given, mask=none, **looks))
-    assert drawn(precision_recall_figure({"gtm": score_group(none, correct)}, title=""))
 
 
 def test_registration_figure_is_coloured_by_the_distance_between_the_clouds(scene: tuple) -> None:
@@ -122,15 +120,6 @@ def test_keypoints_figure_leaves_out_the_far_side(rng: np.random.Generator) -> N
     assert 8_000 < len(every.collections[0].get_offsets()) < 13_000
     assert len(none.collections[0].get_offsets()) == 0
     assert every.get_title(loc="right").startswith("20000 keypoints, ")
-
-
-def test_precision_recall_figure(rng: np.random.Generator) -> None:
-    correct = rng.uniform(size=100) < 0.4
-    scores = {method: score_group(rng.uniform(size=100) < 0.5, correct) for method in METHODS}
-    figure = precision_recall_figure(scores, title="all nine")
-    labels = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert labels == [info.label for info in METHOD_INFO.values()]
-    assert drawn(figure)
 
 
 def test_broadside_faces_the_scanner(rng: np.random.Generator) -> None:

@@ -66,8 +66,6 @@ def run(call: Call, parameter: inspect.Parameter, value: Any) -> str | None:
             ),
         ),
         ("keypoints", lambda: plots.keypoints_figure(PROBLEM.source, {b"iss": [0]}, title="")),  # pyright: ignore[reportArgumentType]
-        ("scores", lambda: plots.precision_recall_figure({("gc",): None}, title="")),  # pyright: ignore[reportArgumentType]
-        ("styles", lambda: plots.precision_recall_figure({}, styles={1: None}, title="")),  # pyright: ignore[reportArgumentType]
         ("options", lambda: candidate("", "gc", {1: 2})),  # pyright: ignore[reportArgumentType]
         ("options", lambda: make_pipeline("", "cgroup", {1: 2})),  # pyright: ignore[reportArgumentType]
     ],

@@ -108,7 +108,6 @@ WRONG_CALLS: dict[str, list[Callable[[Any], Any]]] = {
         given(PROBLEM.source, {"h3d": np.array([12])}, title=""),
         given(PROBLEM.source, {1: [0]}, title=""),
     ],
-    "cgroup.plots.precision_recall_figure": [given({1: None}, title="")],
     "cgroup.plots.registration_figure": [drawn(pose=np.eye(3)), drawn(rows=13)],
     "cgroup.pages.comparison_page": [given(CLOUD, CLOUD, BARE, [], np.eye(4))],
     "cgroup.pages.log_to_rerun": [given(CLOUD, CLOUD, BARE, cgroup.nnsr([0.5]))],

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from cgroup._checks.array_types import BoolArray, FloatArray
 from cgroup._checks.arrays import real_points
 from cgroup._checks.hooks import call_hook
 from cgroup._checks.values import as_flag, refusal
 from cgroup.errors import InputError
 from cgroup.rigid import check_rigid
-
-if TYPE_CHECKING:
-    from collections.abc import Generator, Mapping
-
-    from cgroup._checks.array_types import BoolArray, FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +25,7 @@ class Drawing:
     target: FloatArray
     matches: Any
     mask: BoolArray  # which are selected
-    pose: FloatArray  # lays the source on the target; the identity where no pose is known
+    pose: FloatArray  # of the source in the target's frame; the identity if unknown
     correct: BoolArray | None  # which are correct, where that is known
     grouping: Any  # what selected them, or None
     title: str
@@ -65,7 +62,7 @@ def plot(
 
 @contextmanager
 def naming_missing_library() -> Generator[None, None, None]:
-    """Say how to install what drawing needs, where it isn't there."""
+    """Raise `InputError` with the command that installs a missing library."""
     try:
         yield
     except ModuleNotFoundError as missing:

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from html import escape
-from typing import TYPE_CHECKING
 
+from cgroup._checks.array_types import FloatArray
 from cgroup._show.poses import pose_lines
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from cgroup._checks.array_types import FloatArray
 
 _BAR = 120  # pixels
 _KEPT = "#0072B2"

@@ -1,4 +1,4 @@
-"""The command line: it reads files, calls the library, prints and writes; it computes nothing itself."""
+"""The command line: reads files, calls the library, prints and writes results."""
 
 from __future__ import annotations
 
@@ -20,7 +20,6 @@ try:
         merge,
         recognize,
         register,
-        results,
     )
     from cgroup.cli.failures import TRACEBACK, explain, print_failure
     from cgroup.cli.show.terminal import print_line
@@ -36,7 +35,7 @@ from cgroup._runtime.interrupts import INTERRUPTED
 
 app = make_app(
     name="cgroup",
-    help="Point cloud registration and 3D correspondence grouping: right matches among mostly wrong ones.",
+    help="Point cloud registration and 3D correspondence grouping.",
     epilog=examples(
         "cgroup demo",
         "cgroup register source.ply target.ply",
@@ -46,21 +45,20 @@ app = make_app(
         "cgroup group matches.txt --method lc --resolution 0.02",
         "cgroup COMMAND --help",
         "",
-        f"# an error that nobody foresaw: {TRACEBACK}=1 shows where it came from",
+        f"# {TRACEBACK}=1 prints the traceback of an unexpected error",
     ),
     add_completion=True,
 )
 for commands in (register, merge, locate, recognize, compare, evaluate, group, features):
     app.add_typer(commands.app)
-app.add_typer(results.app, name="results")
 app.add_typer(benchmark.app, name="benchmark")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit.
 
-    Exit status: 0 done, 2 input that can't be worked with, 3 no pose that can be trusted, 70 an error that
-    nobody foresaw, 130 interrupted, 141 the reader of the output has gone.
+    Exit status: 0 done, 2 unusable input, 3 no reliable pose, 70 an unexpected error, 130 interrupted,
+    141 standard output was closed by its reader.
     """
     try:
         status, message = _run(arguments)
@@ -77,7 +75,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _run(arguments: Sequence[str] | None) -> tuple[int, str]:
-    """Run the command line; return the exit status and what to say of it."""
+    """Run the command line; return the exit status and a message for standard error."""
     given = list(sys.argv[1:] if arguments is None else arguments)
     try:
         with guarded_output():

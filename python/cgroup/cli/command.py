@@ -1,4 +1,4 @@
-"""Commands: their help with sections by topic and examples, and where their results go."""
+"""Commands: help texts with sections by topic and examples, documents of results, exit statuses."""
 
 from __future__ import annotations
 
@@ -12,27 +12,35 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from cgroup import __version__
-from cgroup.cli.options import FRONT, JSON, OUTPUT, SAVE, VERBOSE, WIDE
-from cgroup.cli.saved_runs import save_run
-from cgroup.cli.show.json import make_document, print_document
-from cgroup.cli.show.terminal import paint, print_line
+from cgroup.cli.options import JSON, OUTPUT, SHARED, VERBOSE, WIDE
+from cgroup.cli.show.json import Document, make_document, print_document
+from cgroup.cli.show.terminal import paint
 from cgroup.cli.wording import reworded_errors
 from cgroup.errors import NoConsensusError
 from cgroup.io._files import digests_of_inputs, keeping_inputs
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
+_PRINTING = {"wide": WIDE, "verbose": VERBOSE}
 _LAST = (OUTPUT, "Options")
 _WIDEST_NAME = 34
 _KEEP = "\N{NO-BREAK SPACE}"
 
 
 class PrintedRefusalError(NoConsensusError):
-    """A result that can't be trusted, though it is printed and written."""
+    """An unreliable result, which is printed and written all the same."""
+
+
+class RefusedPoseError(NoConsensusError):
+    """No reliable pose; `guess` describes the best one, as in a document."""
+
+    def __init__(self, message: str, guess: Document | None = None) -> None:  # a copy has it set
+        super().__init__(message)
+        self.guess = guess
 
 
 class _Help:
-    """The parts of a help text that differ from typer's."""
+    """Parts of a help text that differ from typer's."""
 
     def get_help(self, ctx: Any) -> str:
         return cast("TyperCommand", super()).get_help(ctx).replace(_KEEP, " ")
@@ -73,7 +81,7 @@ class _Help:
 
 
 class _Command(_Help, TyperCommand):
-    """A command whose errors speak of its options."""
+    """A command; its errors name options in place of parameters."""
 
     def invoke(self, ctx: Any) -> Any:
         with reworded_errors(ctx), keeping_inputs():
@@ -121,54 +129,41 @@ def command(
     *lines: str,
     show: Callable[..., None] = lambda _: None,
     takes: Collection[str] = (),
-    saves: bool = False,
 ) -> Callable[[_Function], _Function]:
     """Make a function a command, with these examples in its help text.
 
-    The function returns what its document says, or nothing where it has printed by itself. `show` prints the
-    document; it gets what it has parameters for of the command's arguments and options. Parameters `wide` and
-    `verbose` give the command options of these names. Every command has ``--json``; one that `saves` has
-    ``--save``. Of the options in `FRONT`, the function gets those that it `takes` by keyword. A document with
-    a `refusal` is printed and saved like others, and the command then ends with that sentence and exit
-    status 3.
+    The function returns the parts of its document, or None if it has printed by itself. `show` prints the
+    document; its further parameters are arguments and options of the command, which gets options ``--wide``
+    and ``--verbose`` if `show` has parameters of these names. Every command has ``--json``. The function gets
+    the options of `SHARED` that it `takes` by keyword. A document with a `refusal` is printed too, and the
+    command ends with that sentence and exit status 3.
     """
     shown = list(signature(show).parameters)[1:]
-    common: dict[str, tuple[Any, Any]] = {name: FRONT[name] for name in takes}
-    common |= {"save": (str | None, SAVE)} if saves else {}
-    common |= {"as_json": (bool, JSON), "context": (typer.Context, Parameter.empty)}
-    common |= {name: (bool, kind) for name, kind in (("wide", WIDE), ("verbose", VERBOSE)) if name in shown}
+    shared = {option: SHARED[option] for option in takes}
+    output: dict[str, tuple[Any, Any]] = {
+        option: (bool, described) for option, described in _PRINTING.items() if option in shown
+    }
+    output |= {"as_json": (bool, JSON), "context": (typer.Context, Parameter.empty)}
 
     def decorate(function: _Function) -> _Function:
         parameters = signature(function, eval_str=True).parameters.values()
         own = {one.name: one for one in parameters if one.kind != Parameter.VAR_KEYWORD}
-        more = [
-            Parameter(option, Parameter.KEYWORD_ONLY, annotation=kind, default=described)
-            for option, (kind, described) in common.items()
-            if option not in own
-        ]
+        taken = _with_options(own, shared, output)
 
         @wraps(function)
         def run(**given: Any) -> None:
-            said = function(**{name: given[name] for name in (*own, *takes)})
-            if said is None:
+            parts = function(**{name: given[name] for name in (*own, *takes)})
+            if parts is None:
                 return
-            context, saved, refusal = given["context"], given.get("save"), said.pop("refusal", None)
-            if "inputs" in said:
-                options = {**_options_of(context), **said.pop("options", {})}
-                said = {"inputs": said.pop("inputs"), "options": options, **said}
-            document = make_document(context.command_path.partition(" ")[2], **said)
-            if saved:
-                save_run(saved, document)
+            refusal = parts.pop("refusal", None)
+            document = _document(given["context"], parts)
             if given["as_json"]:
                 print_document(document)
             else:
                 show(document, **{name: given[name] for name in shown})
-            if saved and not given["as_json"]:
-                print_line(f"saved as {saved.stem}; see: cgroup results")
             if refusal is not None:
                 raise PrintedRefusalError(refusal)
 
-        taken = [*own.values(), *more]
         run.__annotations__ = {one.name: one.annotation for one in taken}
         vars(run)["__signature__"] = signature(function).replace(parameters=taken)
         app.command(name, cls=_Command, epilog=examples(*lines))(run)
@@ -177,16 +172,50 @@ def command(
     return decorate
 
 
+def _with_options(
+    own: dict[str, Parameter], shared: dict[str, tuple[Any, Any]], output: dict[str, tuple[Any, Any]]
+) -> list[Parameter]:
+    """Return the parameters of a command: arguments, shared options, its own, and those of the output.
+
+    Sections of the help text are in the order of their first options.
+    """
+
+    def added(options: dict[str, tuple[Any, Any]]) -> list[Parameter]:
+        return [
+            Parameter(name, Parameter.KEYWORD_ONLY, annotation=kind, default=described)
+            for name, (kind, described) in options.items()
+            if name not in own
+        ]
+
+    arguments = [one for one in own.values() if one.kind != Parameter.KEYWORD_ONLY]
+    options = [one for one in own.values() if one.kind == Parameter.KEYWORD_ONLY]
+    return [*arguments, *added(shared), *options, *added(output)]
+
+
+def _document(context: Any, parts: Document) -> Document:
+    """Make the document of a command; those with inputs list the options too."""
+    if "inputs" in parts:
+        options = {**_options_of(context), **parts.pop("options", {})}
+        parts = {"inputs": parts.pop("inputs"), "options": options, **parts}
+    return make_document(context.command_path.partition(" ")[2], **parts)
+
+
 def identify_run(context: Any) -> str:
-    """Return a digest of all that the results of a command depend on: what it was given, and has read."""
+    """Return a digest of all that a command's results depend on: arguments, options, contents of files."""
     arguments = {one.name for one in context.command.params if one.param_type_name == "argument"}
     given = {name: value for name, value in context.params.items() if name in arguments}
-    told = context.command_path, __version__, given, _options_of(context), sorted(digests_of_inputs().items())
-    return hashlib.sha256(repr(told).encode(errors="surrogateescape")).hexdigest()
+    basis = (
+        context.command_path,
+        __version__,
+        given,
+        _options_of(context),
+        sorted(digests_of_inputs().items()),
+    )
+    return hashlib.sha256(repr(basis).encode(errors="surrogateescape")).hexdigest()
 
 
 def _options_of(context: Any) -> dict[str, Any]:
-    """List the options that shape a command's result, defaults included."""
+    """Return the options that a command's result depends on, defaults included."""
     others = {
         param.name
         for param in context.command.params

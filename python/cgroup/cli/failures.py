@@ -1,4 +1,4 @@
-"""How commands fail: an exit status, a line of text, and with ``--json`` an object in place of the result."""
+"""Failures of commands: exit status, a line of text, and with ``--json`` an object instead of the result."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ from collections.abc import Sequence
 
 import typer
 
-from cgroup.cli.command import PrintedRefusalError
-from cgroup.cli.commands.register import RefusedPoseError
+from cgroup.cli.command import PrintedRefusalError, RefusedPoseError
 from cgroup.cli.show.json import Document, make_document, print_document
 from cgroup.cli.streams import OutputError, write_error
 from cgroup.errors import CgroupError, InputError, NoConsensusError
@@ -21,13 +20,11 @@ OUTPUT_CLOSED = 141
 """Exit statuses, besides that of an interrupt, `cgroup._runtime.interrupts.INTERRUPTED`."""
 
 TRACEBACK = "CGROUP_TRACEBACK"
-"""Environment variable that asks for the traceback of errors that nobody foresaw."""
-
-_NESTED = ("benchmark", "results")
+"""Environment variable: print the traceback of unexpected errors."""
 
 
 def explain(error: Exception) -> tuple[int, str]:
-    """Return the exit status of an error, and a sentence."""
+    """Return the exit status of an error, and its message."""
     status, message = INPUT_ERROR, str(error)
     match error:
         case OutputError(is_closed=True):
@@ -39,7 +36,7 @@ def explain(error: Exception) -> tuple[int, str]:
         case CgroupError() | OutputError():
             pass
         case MemoryError():
-            message = f"not enough memory ({message or 'the system says no more'}); give less data"
+            message = f"not enough memory ({message or 'no further details'}); use less data"
         case ImportError() if "failed to map" in message:  # of a library that is loaded late
             message = f"not enough memory ({message}); allow the process more"
         case OSError():
@@ -50,16 +47,16 @@ def explain(error: Exception) -> tuple[int, str]:
 
 
 def _ask_for_report(error: Exception) -> str:
-    how = f"with what {TRACEBACK}=1 in the environment shows"
+    how = f"with the traceback that {TRACEBACK}=1 prints"
     if os.environ.get(TRACEBACK):
         write_error("".join(traceback.format_exception(error)).rstrip())
         how = "with the lines above"
-    what = f"unforeseen {type(error).__name__} ({' '.join(str(error).split())})"
-    return f"{what}; this is an error of cgroup: please report it {how}"
+    summary = f"unexpected {type(error).__name__} ({' '.join(str(error).split())})"
+    return f"{summary}; this is a bug in cgroup: please report it {how}"
 
 
 def print_failure(arguments: Sequence[str], error: Exception, status: int, message: str) -> None:
-    """Print the object of an error, if the arguments ask for JSON and the output can still be written."""
+    """Print the object of an error if JSON is wanted and standard output is still writable."""
     if "--json" not in arguments or isinstance(error, OutputError | PrintedRefusalError):
         return
     if isinstance(error, CgroupError):
@@ -67,9 +64,9 @@ def print_failure(arguments: Sequence[str], error: Exception, status: int, messa
     else:
         kind = "UsageError" if status == INPUT_ERROR else "UnforeseenError"
     words = list(arguments[: next(at for at, word in enumerate(arguments) if word.startswith("-"))])
-    command = " ".join(words[: 2 if words[:1] and words[0] in _NESTED else 1])
+    command = " ".join(words[: 2 if words[:1] == ["benchmark"] else 1])
     extra = {"guess": error.guess} if isinstance(error, RefusedPoseError) else {}
-    said: Document = {"kind": kind, "message": message, "exit_status": status}
+    described: Document = {"kind": kind, "message": message, "exit_status": status}
     if isinstance(error, InputError):
-        said |= {"parameter": error.parameter, "got": error.got, "remedy": error.remedy}
-    print_document(make_document(command, error=said, **extra))
+        described |= {"parameter": error.parameter, "got": error.got, "remedy": error.remedy}
+    print_document(make_document(command, error=described, **extra))

@@ -1,4 +1,4 @@
-"""Clouds that commands read, and what documents say of them."""
+"""Clouds that commands read, and their descriptions in documents."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from cgroup.types import PointCloud, RealArray
 
 
 def read_cloud(file: Path, begin: Callable[[str], object]) -> PointCloud:
-    """Read a cloud, and say so."""
+    """Read a cloud, and show that stage."""
     begin(f"reading {file.name}")
     return io.read_cloud(file)
 
@@ -27,7 +27,7 @@ def read_both(source: Path, target: Path) -> tuple[PointCloud, PointCloud]:
 
 
 def describe_cloud(role: str, file: Path, cloud: PointCloud) -> dict[str, Any]:
-    """List what a document says of a cloud."""
+    """Return the description of a cloud for a document."""
     return {
         "role": role,
         "file": file,
@@ -45,5 +45,5 @@ def extent_of(points: RealArray) -> float:
 
 
 def describe_pair(files: tuple[Path, Path], clouds: tuple[PointCloud, PointCloud]) -> list[dict[str, Any]]:
-    """List what a document says of source and target."""
+    """Return the descriptions of source and target for a document."""
     return [describe_cloud(*one) for one in zip(("source", "target"), files, clouds, strict=True)]

@@ -1,4 +1,4 @@
-"""Arguments and options that several commands take, and the words that a shell completes them by."""
+"""Arguments and options of the commands, each described once, and the words that a shell completes."""
 
 from __future__ import annotations
 
@@ -10,10 +10,9 @@ from typing import Any, get_args
 
 import typer
 
-from cgroup.cli.saved_runs import check_run, names_of_runs
 from cgroup.errors import InputError
 from cgroup.io._results import check_folder
-from cgroup.registration import Descriptor, Detector, Normals
+from cgroup.registration import Descriptor, Detector, Effort, Normals
 from cgroup.registry import METHOD_INFO, METHODS
 
 # Sections of the help texts.
@@ -21,17 +20,18 @@ CLOUDS = "Clouds"
 SEARCH = "Search"
 GROUPING = "Grouping"
 KEYPOINTS = "Keypoints and descriptors"
+TRUTH = "Truth"
 OUTPUT = "Output"
 
 FORMATS = (
     "PLY, PCD, XYZ, ASC, TXT, CSV, PTS, PTX, E57, OBJ, STL, OFF, VTK, GLTF, GLB, "
     "KITTI's BIN, NPY, NPZ, LAS, LAZ"
 )
-METHOD_NAMES = f"{', '.join(METHODS)}; in any case, and as tables show them (hough3d, SC2-PCR)"
+METHOD_NAMES = f"{', '.join(METHODS)}; in any case, or as in tables (hough3d, SC2-PCR)"
 
 
 def complete_methods(incomplete: str) -> Iterator[tuple[str, str]]:
-    """Offer the names of methods, in the case that was begun with."""
+    """Yield matching method names, in upper case if the word is."""
     for name, info in METHOD_INFO.items():
         offered = name.upper() if incomplete.isupper() else name
         if offered.startswith(incomplete):
@@ -39,15 +39,11 @@ def complete_methods(incomplete: str) -> Iterator[tuple[str, str]]:
 
 
 def complete_presets(incomplete: str) -> Iterator[str]:
-    """Offer the configurations that come with the package; files are the shell's own."""
+    """Yield matching configurations of the package; the shell itself completes files."""
     for entry in (resources.files("cgroup.benchmark") / "presets").iterdir():
         name, dot, suffix = entry.name.partition(".")
         if dot and suffix == "toml" and name.startswith(incomplete):
             yield name
-
-
-def _complete_runs(incomplete: str) -> Iterator[str]:
-    return (name for name in names_of_runs() if name.startswith(incomplete))
 
 
 def argument(metavar: str, help_text: str, default: Any = ..., **more: Any) -> Any:
@@ -58,7 +54,7 @@ def argument(metavar: str, help_text: str, default: Any = ..., **more: Any) -> A
 def option(
     default: Any, metavar: str, help_text: str, section: str | None, shown: str | None = None, **more: Any
 ) -> Any:
-    """Describe an option that takes a value; `shown` words a default that is no fixed value."""
+    """Describe an option with a value; `shown` replaces the default in the help text."""
     show_default = shown or True
     return typer.Option(
         default, metavar=metavar, help=help_text, rich_help_panel=section, show_default=show_default, **more
@@ -76,7 +72,7 @@ def flag(name: str, help_text: str, section: str | None = OUTPUT, **more: Any) -
 
 
 def _need_plotly(wanted: bool) -> bool:
-    """Refuse before there is any work."""
+    """Raise `InputError` early if a page is wanted without plotly."""
     if wanted and find_spec("plotly") is None:
         message = "--html: needs plotly; pip install 'cgroup[scans]'"
         raise InputError(message)
@@ -86,7 +82,7 @@ def _need_plotly(wanted: bool) -> bool:
 def folder(
     default: str, help_text: str, section: str | None, check: Callable[[Path], Path] = lambda path: path
 ) -> Any:
-    """Describe the option of a folder for results, which is checked before there is any work."""
+    """Describe the option of an output folder, which is checked before the work begins."""
 
     def look(name: str) -> Path:
         if not name:  # a Path of it would be the current folder
@@ -96,28 +92,48 @@ def folder(
     return option(default, "FOLDER", help_text, section, parser=str, callback=look)
 
 
+def _length(help_text: str, section: str, shown: str | None = None) -> tuple[Any, Any]:
+    return float | None, option(None, "LENGTH", help_text, section, shown)
+
+
+def _point(help_text: str, shown: str | None = None) -> tuple[Any, Any]:
+    return Point | None, option(None, "X Y Z", help_text, CLOUDS, shown)
+
+
 Point = tuple[float, float, float]
 
-SOURCE = argument("SOURCE", f"Cloud to be moved: {FORMATS}.")
-TARGET = argument("TARGET", "Cloud that it is moved to, in the same unit.")
+GIVE_VIEWPOINT = "; for single scans, give the scanner position: --viewpoint"
+
+SOURCE = argument("SOURCE", f"Cloud to move: {FORMATS}.")
+TARGET = argument("TARGET", "Cloud that stays, in the same unit.")
 CLOUD = argument("CLOUD", f"Cloud or mesh: {FORMATS}.")
-RUN = argument("NAME", "Name of a saved run, or a file.", autocompletion=_complete_runs)
-RUNS = argument("NAME", "Names of saved runs, or files.", autocompletion=_complete_runs)
 
-OUT = folder("out", "Folder for the results; made if need be.", OUTPUT, check=check_folder)
-SAVE = option(
-    None,
-    "NAME",
-    "Keep the result for `cgroup results` by this name, or in this file (.json).",
-    OUTPUT,
-    callback=check_run,
-)
-JSON = flag("--json", "Print one JSON object in place of text.")
-VERBOSE = flag("--verbose", "Show the voxel, the matches and the time of each stage too.")
-WIDE = flag("--wide", "Show all columns, however wide.")
-HTML = flag("--html", "Write a page for the browser too: the clouds to turn around.", callback=_need_plotly)
+OUT = folder("out", "Folder for the results; created if needed.", OUTPUT, check=check_folder)
+JSON = flag("--json", "Print one JSON object instead of text.")
+VERBOSE = flag("--verbose", "Print voxel, matches and the time of each stage too.")
+WIDE = flag("--wide", "Print all columns, whatever their width.")
+HTML = flag("--html", "Write an interactive page for the browser too.", callback=_need_plotly)
 
-FRONT = {
+FRONT = ("detector", "descriptor", "normals", "keypoints", "nms_radius", "resolution")
+"""Shared options of the paper's feature extraction."""
+
+VIEW = ("viewpoint", "view_direction", "axis")
+"""Shared options about the scanner."""
+
+SHARED: dict[str, tuple[Any, Any]] = {
+    "voxel": _length(
+        "Edge length of the voxels, in the files' unit; all radii are multiples of it.",
+        CLOUDS,
+        "chosen from the clouds",
+    ),
+    "viewpoint": _point(
+        "Scanner position, if each cloud is one single scan; helps most.", "that of the file, if any"
+    ),
+    "source_viewpoint": _point("Scanner position of the source alone."),
+    "target_viewpoint": _point("Scanner position of the target alone."),
+    "view_direction": _point("Viewing direction of the scanner, if its position is unknown."),
+    "axis": _point("Direction that all clouds share, such as gravity; poses may tilt it by 10 degrees."),
+    "effort": (Effort, choice("normal", Effort, "Search effort where a pose is uncertain.", SEARCH)),
     "detector": (Detector, choice("h3d", Detector, "Keypoint detector.", KEYPOINTS)),
     "descriptor": (Descriptor, choice("shot", Descriptor, "Descriptor.", KEYPOINTS)),
     "normals": (
@@ -125,33 +141,28 @@ FRONT = {
         choice(
             "pca",
             Normals,
-            "Fitted planes that face the origin, those of the mesh (for whole models), or the file's.",
+            "Normals: fitted planes facing the origin, the mesh's (for whole models), or the file's.",
             KEYPOINTS,
         ),
     ),
     "keypoints": (
         int | None,
-        option(None, "COUNT", "How many keypoints to aim at in each cloud.", KEYPOINTS, "all found", min=3),
+        option(None, "COUNT", "Approximate number of keypoints per cloud.", KEYPOINTS, "all", min=3),
     ),
     "nms_radius": (
         float | None,
         option(
             None,
             "RADIUS",
-            "Radius of the non-maximum suppression in pr: the larger, the fewer keypoints.",
+            "Radius of the non-maximum suppression, in pr; a larger one leaves fewer keypoints.",
             KEYPOINTS,
             "2.7 for h3d, 1.8 for iss",
         ),
     ),
-    "resolution": (
-        float | None,
-        option(
-            None,
-            "LENGTH",
-            "The unit pr, in the file's unit; clouds to be matched need the same.",
-            KEYPOINTS,
-            "mean point spacing of the cloud",
-        ),
+    "resolution": _length(
+        "The unit pr, in the files' unit; the same for clouds that are matched.",
+        KEYPOINTS,
+        "mean point spacing of the cloud",
     ),
 }
-"""Type and description of each option of the paper's front end; `command` adds them."""
+"""Types and descriptions of the options that commands take by name and pass to the library; see `command`."""

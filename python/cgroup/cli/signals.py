@@ -1,4 +1,4 @@
-"""Stop a long computation in good order on SIGINT, SIGTERM and SIGHUP."""
+"""Stop a long computation cleanly on SIGINT, SIGTERM and SIGHUP."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _ENDING = ("SIGINT", "SIGTERM", "SIGHUP")  # Windows lacks the last
 
 
 class StoppedError(KeyboardInterrupt):
-    """The process was told to end; its exit status says by which signal."""
+    """A signal asked the process to end; the exit status contains its number."""
 
     def __init__(self, number: int) -> None:
         super().__init__(number)
@@ -25,8 +25,7 @@ class StoppedError(KeyboardInterrupt):
 def stop_on_signals() -> Generator[None, None, None]:
     """Raise `StoppedError` at the first signal that asks the process to end; end at once at the second.
 
-    Ctrl-C, a request to terminate and a terminal that is closed are the same here. Signals that are ignored
-    stay so, as those of a program in the background. Afterwards the process is expected to end.
+    Ignored signals stay ignored, as those of a background process. Afterwards the process is expected to end.
     """
     stopped = False
 
@@ -48,5 +47,5 @@ def stop_on_signals() -> Generator[None, None, None]:
         yield
     finally:
         for number, handler in before.items():
-            if handler is not None:  # once it is stopped, the process only has to say so
+            if handler is not None:  # a stopped process only has its message left to print
                 signal.signal(number, signal.SIG_IGN if stopped else handler)

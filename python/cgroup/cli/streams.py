@@ -1,4 +1,4 @@
-"""Guard standard output and error, which may be closed, full, or unable to encode every character."""
+"""Guard standard output and error, which may be closed, full, or unable to encode a character."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any, TextIO, cast
 
 
 class OutputError(Exception):
-    """Standard output can't be written; `is_closed` where its reader has gone, as ``head`` does."""
+    """Standard output can't be written; `is_closed` if its reader, such as ``head``, has ended."""
 
     def __init__(self, error: OSError) -> None:
         super().__init__(f"standard output: can't be written ({error.strerror or error})")
@@ -19,7 +19,7 @@ class OutputError(Exception):
 
 
 class _Output:
-    """Standard output, whose own errors are told from all others."""
+    """Standard output that raises `OutputError` for its own errors."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
@@ -42,7 +42,7 @@ class _Output:
 
 @contextmanager
 def guarded_output() -> Generator[None, None, None]:
-    """Raise `OutputError` where standard output can't be written; escape what it can't encode."""
+    """Raise `OutputError` if standard output can't be written; escape characters it can't encode."""
     before = _open_streams()
     sys.stdout = cast("TextIO", _Output(before))
     try:
@@ -56,7 +56,7 @@ def guarded_output() -> Generator[None, None, None]:
 
 
 def write_error(line: str) -> None:
-    """Write a line to standard error, as far as that is possible."""
+    """Write a line to standard error, if possible."""
     try:
         sys.stderr.write(line + "\n")
         sys.stderr.flush()
@@ -65,7 +65,7 @@ def write_error(line: str) -> None:
 
 
 def _open_streams() -> TextIO:
-    """Give closed streams, which Python leaves out, somewhere to write to; return standard output."""
+    """Replace streams that are closed by the null device; return standard output."""
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: PTH123, SIM115 - till the end
@@ -75,7 +75,7 @@ def _open_streams() -> TextIO:
 
 
 def _drop(stream: TextIO) -> None:
-    """Send what is still to be written nowhere, so that nothing fails when the interpreter ends."""
+    """Discard pending output, so that the interpreter ends without an error."""
     with suppress(OSError, ValueError, AttributeError):
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, stream.fileno())

@@ -1,7 +1,7 @@
-"""Errors of the library in the terms of the command line: options in place of parameters.
+"""Errors of the library in terms of the command line: options replace parameters.
 
-The command's option stands for the parameter of an `InputError`. In the rest of a message, parameters stand
-between backticks, with a value where one is advised: ```effort='high'``` becomes ``--effort high``.
+An option replaces the parameter of an `InputError`, and parameters between backticks in its message:
+```effort='high'``` becomes ``--effort high``.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from typing import Any
 from cgroup.errors import CgroupError, InputError, NoConsensusError
 
 _SET_BY = {"source_viewpoint": "viewpoint", "target_viewpoint": "viewpoint", "front": "support"}
-"""Options that another one sets, where it is given alone."""
+"""Parameters that another option sets if it is given alone."""
 
 _IN_FILES = {"PointCloud": "file", "Correspondences": "a file", "PreparedMap.save": "--save-map"}
-"""Objects of the library that the command line has in files."""
+"""Objects of the library that are files on the command line."""
 
 
 @contextmanager
 def reworded_errors(context: Any) -> Generator[None, None, None]:
-    """Reword what the library raises within a command."""
+    """Reword errors that the library raises within a command."""
     try:
         yield
     except (InputError, NoConsensusError) as error:
@@ -43,14 +43,14 @@ def reword(error: CgroupError, context: Any) -> CgroupError:
 
 
 def in_options(error: CgroupError, options: Mapping[str, str]) -> CgroupError:
-    """Return an error with options in place of the parameters that it names; `options` are by parameter."""
+    """Return an error with options in place of parameters; `options` are by parameter."""
     if isinstance(error, NoConsensusError):
         reworded = copy(error)
         reworded.args = (_unquote(str(error), options),)
         return reworded
     if not isinstance(error, InputError) or error.parameter is None:
         return InputError(_unquote(str(error), options))
-    if error.got == "nothing":  # of a length that is known neither by itself nor by the resolution
+    if error.got == "nothing":  # of a length that follows from no resolution either
         unknown = error.parameter if error.parameter in options else "resolution"
         also = f", or {options[unknown]}, both" if unknown != "resolution" else ","
         resolution = options.get("resolution", "--resolution")
@@ -65,10 +65,10 @@ def in_options(error: CgroupError, options: Mapping[str, str]) -> CgroupError:
 
 
 def _unquote(text: str, options: Mapping[str, str]) -> str:
-    """Put options where parameters stand between backticks."""
+    """Replace parameters between backticks by options."""
     parts = text.split("`")
     if len(parts) % 2 == 0:
-        return text  # a backtick of somebody else's
+        return text  # a backtick in a name
     for at in range(1, len(parts), 2):
         name, _, value = parts[at].partition("=")
         option = options.get(name, _IN_FILES.get(name))
@@ -77,6 +77,6 @@ def _unquote(text: str, options: Mapping[str, str]) -> str:
 
 
 def is_given(context: Any, name: str) -> bool:
-    """Tell whether a parameter was given on the command line."""
+    """Whether a parameter was given on the command line."""
     source = context.get_parameter_source(name)
     return source is not None and source.name == "COMMANDLINE"

@@ -1,18 +1,14 @@
-"""Evaluate groups, poses of pairs, and poses of many scans against the true poses.
-
-Knows nothing of the methods that made them.
-"""
+"""Scores of groups, poses of pairs, and poses of many scans against the true poses."""
 
 from cgroup.evaluation.ground_truth import (
     alignment_error,
     clutter_and_occlusion,
     correct_matches,
     match_errors,
-    mean_displacement,
     overlap,
     within,
 )
-from cgroup.evaluation.metrics import GroupScore, Scores, score_counts, score_group
+from cgroup.evaluation.metrics import GroupScore, score_group
 from cgroup.evaluation.protocols import PROTOCOLS, Protocol
 from cgroup.evaluation.recalls import (
     feature_matching_recall,
@@ -29,7 +25,6 @@ __all__ = [
     "GroupScore",
     "Protocol",
     "SceneScore",
-    "Scores",
     "alignment_error",
     "clutter_and_occlusion",
     "correct_matches",
@@ -38,12 +33,10 @@ __all__ = [
     "inlier_ratio",
     "match_errors",
     "mean_average_accuracy",
-    "mean_displacement",
     "overlap",
     "redwood_error",
     "registration_recall",
     "rotation_error",
-    "score_counts",
     "score_group",
     "score_scene",
     "translation_error",

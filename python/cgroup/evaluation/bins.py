@@ -1,24 +1,22 @@
-"""Levels of clutter, occlusion and overlap, into which the paper sorts its pairs."""
+"""The paper's levels of clutter, occlusion and overlap."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from cgroup.types import FloatArray
+from cgroup.types import FloatArray
 
 
 @dataclass(frozen=True)
 class Bins:
-    """Levels of a fact about pairs, evenly spaced and ascending.
+    """Levels of a property of pairs, evenly spaced and ascending.
 
-    By the rule "nearest" a level stands for the values nearest to it, with no limit at either end; by "from"
-    for those from it up to the next level, the last one up to and with one spacing more.
+    By the rule "nearest" a value belongs to the nearest level; by "from" to the greatest level not above it,
+    up to one spacing above the last level, inclusive.
     """
 
     levels: tuple[float, ...]
@@ -31,7 +29,7 @@ OVERLAP = Bins((0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9), "from")
 """The paper's, section 4.3."""
 
 LEAST_PAIRS = 5
-"""Of a level that is shown as others are: the mean of fewer pairs says nothing of others."""
+"""Least number of pairs of a level; the mean of fewer is unreliable."""
 
 _ROUNDING = 1e-9  # 0.7 read from a file belongs to the level 0.7
 

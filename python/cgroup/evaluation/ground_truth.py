@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cgroup import _core
 from cgroup._checks.arrays import as_faces, as_points
@@ -12,24 +11,20 @@ from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_length
 from cgroup.errors import InputError
 from cgroup.rigid import apply, check_rigid
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from cgroup.types import AnyCloud, BoolArray, FloatArray, IndexArray
+from cgroup.types import AnyCloud, BoolArray, FloatArray, IndexArray
 
 CORRECT_WITHIN = 5.0
-"""A match is correct when it misses its true place by at most so many pr."""
+"""Largest distance of a correct match from its true place, in pr."""
 
 OVERLAP_WITHIN = 4.0
-"""Points of two views correspond when they are at most so many pr apart."""
+"""Largest distance of overlapping points of two views, in pr."""
 
 VISIBLE_WITHIN = 2.0
-"""A scene vertex belongs to a model when it is at most so many pr away from it."""
+"""Largest distance of a scene vertex from the model it belongs to, in pr."""
 
 
 def match_errors(source: AnyCloud, target: AnyCloud, T_target_source: ArrayLike) -> FloatArray:
-    """Distance of each match from its true place, ``|R p + t - p'|``.
+    """Return the distance of each match from its true place, ``|R p + t - p'|``.
 
     Parameters
     ----------
@@ -42,18 +37,6 @@ def match_errors(source: AnyCloud, target: AnyCloud, T_target_source: ArrayLike)
     -------
     (n,) array of float64
         In the data's unit.
-
-    Raises
-    ------
-    InputError
-        If the shapes don't fit, or the transform isn't rigid.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cgroup.evaluation import match_errors
-    >>> match_errors([[0, 0, 0], [1, 0, 0]], [[0, 0, 0], [1, 3, 4]], np.eye(4))
-    array([0., 5.])
     """
     moved = apply(check_rigid(T_target_source, "T_target_source"), as_points("source", source))
     there = as_points("target", target)
@@ -66,14 +49,12 @@ def match_errors(source: AnyCloud, target: AnyCloud, T_target_source: ArrayLike)
 def correct_matches(
     source: AnyCloud, target: AnyCloud, T_target_source: ArrayLike, *, tolerance: float
 ) -> BoolArray:
-    """Tell which matches are correct: ``|R p + t - p'|`` <= tolerance.
+    """Return which matches are correct: ``|R p + t - p'|`` <= tolerance.
 
     Parameters
     ----------
-    source, target : (n,3) array_like of float
-        Matched points.
-    T_target_source : (4,4) array_like of float
-        True pose.
+    source, target, T_target_source
+        As for `match_errors`.
     tolerance : float
         In the data's unit; 5 times the resolution is usual.
 
@@ -81,11 +62,6 @@ def correct_matches(
     -------
     (n,) array of bool
         Aligned with the matches.
-
-    Raises
-    ------
-    InputError
-        If the shapes don't fit, the transform isn't rigid, or the tolerance isn't positive.
 
     Examples
     --------
@@ -115,12 +91,6 @@ def within(points: AnyCloud, others: AnyCloud, radius: float) -> BoolArray:
     (N,) array of bool
         Aligned with `points`.
 
-    Raises
-    ------
-    InputError
-        If a shape isn't (N, 3), a coordinate isn't finite, the others are too large or too close together
-        to be squared, or the radius isn't positive.
-
     Examples
     --------
     >>> from cgroup.evaluation import within
@@ -133,9 +103,9 @@ def within(points: AnyCloud, others: AnyCloud, radius: float) -> BoolArray:
 
 
 def overlap(source: AnyCloud, target: AnyCloud, T_target_source: ArrayLike, *, tolerance: float) -> float:
-    """Share of the smaller view that the other one sees too.
+    """Return the share of the smaller view that the other view contains too.
 
-    Points correspond that have a point of the other view within the tolerance under the true pose. They are
+    Points overlap that have a point of the other view within the tolerance under the true pose. They are
     counted in both directions; the smaller count is divided by the size of the smaller view.
 
     Parameters
@@ -151,11 +121,6 @@ def overlap(source: AnyCloud, target: AnyCloud, T_target_source: ArrayLike, *, t
     -------
     float
         0 to 1.
-
-    Raises
-    ------
-    InputError
-        If a cloud is empty or not finite, or the transform or tolerance is invalid.
 
     Examples
     --------
@@ -178,7 +143,7 @@ def overlap(source: AnyCloud, target: AnyCloud, T_target_source: ArrayLike, *, t
 def alignment_error(
     source: AnyCloud, target: AnyCloud, estimated: ArrayLike, true: ArrayLike, *, tolerance: float
 ) -> float:
-    """Mean displacement of the overlapping source points under an estimated pose.
+    """Return the mean displacement of the overlapping source points under an estimated pose.
 
     Parameters
     ----------
@@ -187,17 +152,12 @@ def alignment_error(
     estimated, true : (4,4) array_like of float
         Poses of the source in the target's frame.
     tolerance : float
-        How close source points that count are to the target under the true pose, in the data's unit.
+        Largest distance of overlapping source points from the target under the true pose, in the data's unit.
 
     Returns
     -------
     float
-        Mean distance in the data's unit; NaN if no source point counts.
-
-    Raises
-    ------
-    InputError
-        If a cloud isn't finite, or a transform or the tolerance is invalid.
+        Mean distance in the data's unit; NaN without overlap.
 
     Examples
     --------
@@ -217,34 +177,9 @@ def alignment_error(
 
 
 def mean_displacement(points: AnyCloud, estimated: ArrayLike, true: ArrayLike) -> float:
-    """Mean distance of points under an estimated pose from their true places.
+    """Return the mean distance of points under an estimated pose from their true places; NaN without points.
 
-    Unlike the translation error it does not depend on where the origin lies.
-
-    Parameters
-    ----------
-    points : (N,3) array_like of float
-        Points of the source: the whole cloud, or those that are matched.
-    estimated, true : (4,4) array_like of float
-        Poses of the source in the target's frame.
-
-    Returns
-    -------
-    float
-        Mean distance in the data's unit; NaN without points.
-
-    Raises
-    ------
-    InputError
-        If the points or a transform are invalid.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> moved = np.eye(4)
-    >>> moved[0, 3] = 2.0
-    >>> mean_displacement([[0, 0, 0], [5, 5, 5]], moved, np.eye(4))
-    2.0
+    Unlike the translation error it is independent of the origin.
     """
     array = as_points("points", points)
     if len(array) == 0:
@@ -262,7 +197,7 @@ def clutter_and_occlusion(
     *,
     tolerance: float,
 ) -> tuple[float, float]:
-    """Share of a scene that isn't the model, and of the model that the scene hides.
+    """Return the share of a scene that isn't the model, and of the model that is hidden in it.
 
     Parameters
     ----------
@@ -277,19 +212,13 @@ def clutter_and_occlusion(
     T_scene_model : (4,4) array_like of float
         True pose of the model in the scene.
     tolerance : float
-        How close scene vertices that belong to the model are to it; twice the resolution is usual.
+        Largest distance of scene vertices that belong to the model; twice the resolution is usual.
 
     Returns
     -------
     clutter, occlusion : float
-        1 - visible / scene area, and 1 - visible / model area; visible are the scene's triangles whose three
-        corners belong to the model.
-
-    Raises
-    ------
-    InputError
-        If a mesh has no area, faces that are no rows of its vertices, or a vertex that isn't finite; or the
-        transform or tolerance is invalid.
+        1 - visible / scene area, and 1 - visible / model area; the visible triangles of the scene have three
+        corners that belong to the model.
 
     Examples
     --------
@@ -336,6 +265,6 @@ def _faces_of(name: str, vertices: FloatArray, faces: ArrayLike) -> IndexArray:
 
 
 def triangle_areas(vertices: FloatArray, faces: ArrayLike) -> FloatArray:
-    """Area of each triangle, in the square of the data's unit."""
+    """Return the area of each triangle, in the square of the data's unit."""
     a, b, c = (vertices[corner] for corner in np.asarray(faces, dtype=np.int64).reshape(-1, 3).T)
     return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2

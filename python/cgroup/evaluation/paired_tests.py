@@ -1,27 +1,24 @@
-"""Tests of methods on the same units."""
+"""Tests of results on the same pairs."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 from math import comb
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from numpy.typing import ArrayLike
-
-    from cgroup.evaluation.recall_protocols import Recall
-    from cgroup.evaluation.result_files import Key, PairErrors
-    from cgroup.types import BoolArray
+from cgroup.evaluation.recall_protocols import Recall
+from cgroup.evaluation.result_files import Key, PairErrors
+from cgroup.types import BoolArray
 
 
 def compare_results(found: Mapping[str, PairErrors], recall: Recall) -> list[dict[str, Any]]:
-    """Test every two results of the same pairs, in any order: what only one registers, and the p by Holm.
+    """Test every two results of the same pairs, in any order: pairs registered by one only, and p by Holm.
 
-    Pairs without numbers are the same where they have the same place in their scene.
+    Pairs without numbers are identified by their order in the scene.
     """
     keys: dict[str, list[Key]] = {}
     registered: dict[str, BoolArray] = {}
@@ -49,10 +46,7 @@ def mcnemar(one: ArrayLike, other: ArrayLike) -> float:
 
 
 def holm(p: Sequence[float]) -> list[float]:
-    """Adjust the p of several tests, so that the chance of any false alarm keeps.
-
-    After Holm, Scandinavian Journal of Statistics 1979.
-    """
+    """Adjust the p of several tests for the family-wise error (Holm, Scand. J. Statistics 1979)."""
     adjusted = [0.0] * len(p)
     so_far = 0.0
     for rank, i in enumerate(sorted(range(len(p)), key=lambda i: p[i])):

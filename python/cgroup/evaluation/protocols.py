@@ -1,8 +1,8 @@
 """Criteria by which a pair counts as registered, by name.
 
-| name | registered when | who judges so |
+| name | registered if | used by |
 |---|---|---|
-| ``precision>0.1`` | the group's precision exceeds 0.1; needs no pose | the paper, on all its data |
+| ``precision>0.1`` | the group's precision exceeds 0.1; needs no pose | the paper, on all data |
 | ``rmse<=1pr``, ``rmse<=5pr`` | the mean error over the overlap is within that | later work on U3M |
 | ``5deg+5pr``, ``2deg+2pr`` | rotation and mean error over the overlap | cgroup, for whole scans |
 | ``3dmatch`` | rotation within 15 degrees, translation within 0.3 m | DGR, PointDSC, MAC |
@@ -25,23 +25,17 @@ from cgroup.evaluation.metrics import REGISTERED_PRECISION
 
 @dataclass(frozen=True)
 class Protocol:
-    """Limits that a result has to keep; None for what doesn't matter.
+    """Limits of a registered pair; None for a value without a limit.
 
     Attributes
     ----------
     name : str
         Its key in `PROTOCOLS`.
     precision_above : float or None
-        The group's precision has to be greater.
+        Exclusive lower bound of the group's precision.
     max_rotation, max_translation, max_rmse : float or None
         Largest errors, inclusive: of the rotation in degrees, of the translation in m, and
         `cgroup.evaluation.alignment_error` in pr.
-
-    Examples
-    --------
-    >>> from cgroup.evaluation import PROTOCOLS
-    >>> PROTOCOLS["kitti"]
-    Protocol(name='kitti', precision_above=None, max_rotation=5.0, max_translation=0.6, max_rmse=None)
     """
 
     name: str
@@ -53,28 +47,20 @@ class Protocol:
     def judge(
         self, precision: float, rotation_error: float, translation_error: float, rmse_pr: float
     ) -> bool | None:
-        """Say whether a pair counts as registered.
+        """Return whether a pair counts as registered.
 
         Parameters
         ----------
         precision : float
             Of the group; 0 for an empty one.
         rotation_error, translation_error, rmse_pr : float
-            In degrees, in the data's unit, and `cgroup.evaluation.alignment_error` in pr; infinite where the
-            group fixes no pose, and NaN where they can't be known.
+            In degrees, in the data's unit, and `cgroup.evaluation.alignment_error` in pr; infinite without a
+            pose, NaN if unknown.
 
         Returns
         -------
         bool or None
-            None where a value that matters is NaN.
-
-        Examples
-        --------
-        >>> from cgroup.evaluation import PROTOCOLS
-        >>> PROTOCOLS["3dmatch"].judge(
-        ...     precision=0.4, rotation_error=3.0, translation_error=0.2, rmse_pr=2.0
-        ... )
-        True
+            None if a value with a limit is NaN.
         """
         errors = (
             (rotation_error, self.max_rotation),
@@ -91,10 +77,10 @@ class Protocol:
 
 
 PAPER_PROTOCOL = "precision>0.1"
-"""The paper's own criterion, which every record of a group is judged by."""
+"""The paper's own criterion."""
 
 PROTOCOL_PREFIX = "ok:"
-"""Columns of records that hold the verdict by one criterion each begin so; the paper's is ``registered``."""
+"""Prefix of record columns with the verdict by one criterion; that by the paper's is ``registered``."""
 
 PROTOCOLS: dict[str, Protocol] = {
     protocol.name: protocol

@@ -1,6 +1,6 @@
-"""Recalls as papers define them, and what results score by each.
+"""Recalls as papers define them, and the scores of results.
 
-A protocol is a TOML file: ``evaluation/presets`` has those of the field, and anybody may write another.
+A protocol is a TOML file, such as those in ``evaluation/presets``.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import sys
 from dataclasses import dataclass
 from importlib import resources
 from statistics import NormalDist
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -24,12 +24,11 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib  # pyright: ignore[reportMissingImports] - on Python 3.10 only
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
+from collections.abc import Sequence
 
-    from numpy.typing import NDArray
+from numpy.typing import NDArray
 
-    from cgroup.types import BoolArray, FloatArray
+from cgroup.types import BoolArray, FloatArray
 
 _LIMITS = {"max_rotation": "rotation in deg", "max_translation": "translation", "max_rmse": "RMSE"}
 _PRESETS = resources.files("cgroup.evaluation") / "presets"
@@ -37,10 +36,10 @@ _PRESETS = resources.files("cgroup.evaluation") / "presets"
 
 @dataclass(frozen=True)
 class Recall:
-    """When a pair counts as registered, which pairs count, and how they are averaged.
+    """Definition of a recall: limits of a registered pair, pairs that count, and averages.
 
-    Limits are in the data's unit and in degrees; that of the RMSE is of the root of Redwood's error. `first`
-    tells whether the first pair of a scene counts, `errors` what is made of those of registered pairs.
+    Limits are in the data's unit and in degrees; that of the RMSE is for the root of Redwood's error.
+    `first`: whether the first pair of a scene counts; `errors`: statistic of the errors of registered pairs.
     """
 
     name: str
@@ -55,7 +54,7 @@ class Recall:
     errors: Literal["mean", "median"] = "mean"
 
     def __post_init__(self) -> None:
-        """Raise `InputError` for what is no definition."""
+        """Raise `InputError` for an invalid definition."""
         for name in ("inclusive", "consecutive", "first"):
             as_flag(name, getattr(self, name))
         for name, choices in (("average", ("pairs", "scenes")), ("errors", ("mean", "median"))):
@@ -67,7 +66,7 @@ class Recall:
         return [(name, limit) for name in _LIMITS if (limit := getattr(self, name)) is not None]
 
     def describe(self) -> str:
-        """Say the definition in words."""
+        """Describe the definition in words."""
         sign = "<=" if self.inclusive else "<"
         limits = [f"{_LIMITS[name]} {sign} {limit:g}" for name, limit in self._limits()]
         pairs = "pairs" if self.consecutive else "pairs but those of i, i+1"
@@ -76,31 +75,31 @@ class Recall:
         return f"{', '.join(limits)}; all {pairs}; mean of {self.average}{source}"
 
     def counted(self, found: PairErrors) -> BoolArray:
-        """Tell which pairs count."""
+        """Return which pairs count."""
         counts = np.array([self.consecutive or abs(source - target) > 1 for _, target, source in found.keys])
         if not self.first:
             counts[np.unique([scene for scene, _, _ in found.keys], return_index=True)[1]] = False
         return counts
 
     def is_known(self, found: PairErrors) -> bool:
-        """Tell whether there is what it takes: Redwood's errors, numbers of clouds, a pair that counts."""
+        """Whether the recall can be computed: from Redwood's errors, numbers of clouds, and counted pairs."""
         if not (self.consecutive and self.first) and min(source for *_, source in found.keys) < 0:
             return False
         counts = self.counted(found)
         return bool(counts.any() and (self.max_rmse is None or not np.isnan(found.rmse[counts]).any()))
 
     def excess(self, found: PairErrors) -> FloatArray:
-        """Return how many times its limits the errors of each pair are; NaN where one isn't known."""
+        """Return the errors of each pair as multiples of the limits, the greatest; NaN if one is unknown."""
         errors = dict(zip(_LIMITS, (found.rotation, found.translation, found.rmse), strict=True))
         return np.max([errors[name] / limit for name, limit in self._limits()], axis=0)
 
     def registered(self, found: PairErrors, factor: float = 1.0) -> BoolArray:
-        """Tell which pairs are within the limits, times a factor."""
+        """Return which pairs are within the limits, times a factor."""
         excess = self.excess(found)
         return excess <= factor if self.inclusive else excess < factor
 
     def score(self, found: PairErrors) -> dict[str, Any] | None:
-        """Score results: the recall and its interval, errors of registered pairs, counts; None if unknown."""
+        """Return the recall and its interval, errors of registered pairs, and counts; None if unknown."""
         if not self.is_known(found):
             return None
         counts, average = self.counted(found), np.median if self.errors == "median" else np.mean
@@ -119,7 +118,7 @@ class Recall:
 
 @dataclass(frozen=True)
 class RecallProtocol:
-    """Recalls of a benchmark, first the one that papers call RR, and what its papers leave open."""
+    """Recalls of a benchmark, RR first, and points that its papers leave open."""
 
     title: str
     recalls: Sequence[Recall]
@@ -137,12 +136,12 @@ class RecallProtocol:
 
 
 def protocol_names() -> list[str]:
-    """List the protocols that come with the package."""
+    """Return the names of the package's protocols."""
     return sorted(entry.name.removesuffix(".toml") for entry in _PRESETS.iterdir())
 
 
 def read_protocol(name: str) -> RecallProtocol:
-    """Read a protocol by its name, or from a TOML file laid out like those in ``evaluation/presets``."""
+    """Read a protocol by its name, or from a TOML file such as those in ``evaluation/presets``."""
     if name.lower() in protocol_names():
         text = (_PRESETS / f"{name.lower()}.toml").read_text(encoding="utf-8")
     elif name.endswith(".toml"):
@@ -166,11 +165,11 @@ def score_poses(truth: PairPoses, found: PairPoses, *, inverse: bool = False) ->
     poses, missing = np.full(truth.poses.shape, np.nan), np.ones(len(rows), dtype=bool)
     unknown: list[str] = []
     for key, pose in zip(found.keys, np.linalg.inv(found.poses) if inverse else found.poses, strict=True):
-        turned = (key[0], key[2], key[1])
+        swapped = (key[0], key[2], key[1])
         if key in rows:
             poses[rows[key]], missing[rows[key]] = pose, False
-        elif turned in rows:  # source and target are told the other way round
-            poses[rows[turned]], missing[rows[turned]] = np.linalg.inv(pose), False
+        elif swapped in rows:  # source and target are swapped
+            poses[rows[swapped]], missing[rows[swapped]] = np.linalg.inv(pose), False
         else:
             unknown.append(show_pair(key))
     if missing.all():
@@ -180,7 +179,7 @@ def score_poses(truth: PairPoses, found: PairPoses, *, inverse: bool = False) ->
     answered = np.isfinite(poses).all(axis=(1, 2))
     ours, theirs = poses[answered], truth.poses[answered]
     rotation, translation, rmse = np.full((3, len(rows)), np.inf)
-    # As all scripts have it; rotations of 3DLoMatch are off by 5e-4, and their sines say 1 degree more.
+    # As in all scripts; rotations of 3DLoMatch are off by 5e-4, and sines would add 1 degree.
     cosine = (np.einsum("nij,nij->n", ours[:, :3, :3], theirs[:, :3, :3]) - 1) / 2
     rotation[answered] = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
     translation[answered] = np.linalg.norm(ours[:, :3, 3] - theirs[:, :3, 3], axis=1)
@@ -188,13 +187,13 @@ def score_poses(truth: PairPoses, found: PairPoses, *, inverse: bool = False) ->
     rows_known, among = answered & is_known, is_known[answered]
     squares = redwood_errors(ours[among], theirs[among], truth.information[rows_known])
     rmse[rows_known], rmse[~is_known] = np.sqrt(np.maximum(squares, 0)), np.nan
-    notes = [f"{len(unknown)} pairs aren't in the truth, such as {unknown[0]}: left out"] if unknown else []
+    notes = [f"{len(unknown)} pairs are not in the truth, such as {unknown[0]}: left out"] if unknown else []
     refused, overlap = ~answered & ~missing, truth.overlap
     return PairErrors(found.name, truth.keys, rotation, translation, rmse, refused, missing, overlap, notes)
 
 
 def refuse_inverses(truth: PairPoses, found: PairPoses, scored: PairErrors, recall: Recall) -> None:
-    """Raise `InputError` where the inverses of poses, which are scored, fit far better than the poses."""
+    """Raise `InputError` if the inverses of the scored poses fit far better."""
     turned = score_poses(truth, found, inverse=True)
     fit, as_inverses = (int((recall.registered(one) & recall.counted(one)).sum()) for one in (scored, turned))
     if as_inverses > 2 * fit + 2:

@@ -7,9 +7,10 @@ Mean average accuracy: Jin et al.: *Image matching across wide baselines*, IJCV 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cgroup._checks.arrays import as_floats, as_mask
 from cgroup._checks.values import as_length, as_number
@@ -18,17 +19,11 @@ from cgroup.evaluation.ground_truth import match_errors
 from cgroup.evaluation.scenes import as_labels, ecdf
 from cgroup.rigid import check_rigid
 from cgroup.rigid.transforms import quaternions
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import ArrayLike
-
-    from cgroup.types import AnyCloud, FloatArray
+from cgroup.types import AnyCloud, FloatArray
 
 
 def redwood_error(estimated: ArrayLike, true: ArrayLike, information: ArrayLike) -> float:
-    """Squared error of a pose by Redwood's information matrix, as 3DMatch has it.
+    """Return the squared error of a pose by Redwood's information matrix, as 3DMatch defines it.
 
     It is e' I e / I[0,0], where e is the translation of true^-1 estimated and the vector part of its unit
     quaternion. 3DMatch and Predator call a pair registered if it is at most 0.2 squared.
@@ -43,18 +38,12 @@ def redwood_error(estimated: ArrayLike, true: ArrayLike, information: ArrayLike)
     Returns
     -------
     float
-        In the square of the data's unit. At half a turn the sign of the quaternion is open, and so is its
-        product with the translation.
-
-    Raises
-    ------
-    InputError
-        If a transform isn't rigid, or the information isn't 6x6, finite, or positive at its beginning.
+        In the square of the data's unit. At 180 degrees the sign of the quaternion is arbitrary.
 
     Notes
     -----
-    It is an RMSE by name only: the published matrices are sums of G'G with G = [I, -[p]x], of points p in the
-    frame of i and angles in radians, but the error is taken in the frame of j, by the sine of half the angle.
+    Only nominally an RMSE: the published matrices are sums of G'G with G = [I, -[p]x], of points p in the
+    frame of i and angles in radians, but the error is in the frame of j, by the sine of half the angle.
 
     Examples
     --------
@@ -71,7 +60,7 @@ def redwood_error(estimated: ArrayLike, true: ArrayLike, information: ArrayLike)
 
 
 def check_information(information: ArrayLike, name: str = "information") -> FloatArray:
-    """Return an information matrix that an error can be taken by."""
+    """Return a valid information matrix, or raise `InputError`."""
     matrix = as_floats(name, information)
     if matrix.shape != (6, 6) or not np.isfinite(matrix).all() or matrix[0, 0] <= 0:
         got = f"shape {matrix.shape}" if matrix.shape != (6, 6) else f"{matrix[0, 0]} at its beginning"
@@ -88,25 +77,20 @@ def redwood_errors(estimated: FloatArray, true: FloatArray, information: FloatAr
 
 
 def registration_recall(registered: ArrayLike, *, scenes: Sequence[str] | None = None) -> float:
-    """Share of the pairs that were registered, or the mean of the shares of scenes.
+    """Return the share of registered pairs, or the mean of the shares of scenes.
 
     Parameters
     ----------
     registered : (P,) array_like of bool
         Whether each pair of the benchmark was registered; False for a pair without a pose.
     scenes : sequence of str, optional
-        Scene of each pair. With it the scenes count alike, as in 3DMatch, Predator and GeoTransformer;
-        without it the pairs, as in DGR and MAC.
+        Scene of each pair. With it scenes have equal weight, as in 3DMatch, Predator and GeoTransformer;
+        without it pairs, as in DGR and MAC.
 
     Returns
     -------
     float
         0 to 1; NaN without pairs.
-
-    Raises
-    ------
-    InputError
-        If they aren't truth values, or not one scene per pair.
 
     Examples
     --------
@@ -129,26 +113,21 @@ def registration_recall(registered: ArrayLike, *, scenes: Sequence[str] | None =
 def feature_matching_recall(
     inlier_ratios: ArrayLike, *, least: float = 0.05, scenes: Sequence[str] | None = None
 ) -> float:
-    """Share of pairs whose matches have an inlier ratio greater than some least one.
+    """Return the share of pairs with an inlier ratio above a threshold.
 
     Parameters
     ----------
     inlier_ratios : (P,) array_like of float
-        What `inlier_ratio` returned, of each pair.
+        The `inlier_ratio` of each pair.
     least : float
-        PPFNet's tau_2; GeoTransformer also counts ratios that equal it.
+        PPFNet's tau_2; GeoTransformer also counts equal ratios.
     scenes : sequence of str, optional
-        Scene of each pair; with it, the mean of the shares of scenes, as all papers report it.
+        As for `registration_recall`; all papers report the mean over scenes.
 
     Returns
     -------
     float
         0 to 1; NaN without pairs.
-
-    Raises
-    ------
-    InputError
-        If they aren't numbers, or not one scene per pair.
 
     Examples
     --------
@@ -163,14 +142,12 @@ def feature_matching_recall(
 def inlier_ratio(
     source: AnyCloud, target: AnyCloud, T_target_source: ArrayLike, *, distance: float = 0.1
 ) -> float:
-    """Share of matches whose points lie close to each other under the true pose.
+    """Return the share of matches whose points are close under the true pose.
 
     Parameters
     ----------
-    source, target : (n,3) array_like of float
-        Matched points.
-    T_target_source : (4,4) array_like of float
-        True pose.
+    source, target, T_target_source
+        As for `match_errors`.
     distance : float
         PPFNet's tau_1, exclusive, in the data's unit; 0.1 m is usual on 3DMatch.
 
@@ -178,11 +155,6 @@ def inlier_ratio(
     -------
     float
         0 to 1; 0 without matches.
-
-    Raises
-    ------
-    InputError
-        If the shapes don't fit, the transform isn't rigid, or the distance isn't positive.
 
     Examples
     --------
@@ -197,7 +169,7 @@ def inlier_ratio(
 
 
 def mean_average_accuracy(errors: ArrayLike, limits: ArrayLike) -> float:
-    """Mean over limits of the share of errors up to each (mAA).
+    """Return the mean over limits of the share of errors up to each (mAA).
 
     Parameters
     ----------
@@ -210,11 +182,6 @@ def mean_average_accuracy(errors: ArrayLike, limits: ArrayLike) -> float:
     -------
     float
         0 to 1; NaN without errors or limits.
-
-    Raises
-    ------
-    InputError
-        If they aren't numbers.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Files of registration results, and of the true poses: whatever the tools of the field write.
+"""Files of registration results and of true poses, in the formats of the field's tools.
 
 A pair is the number of its target and of its source in a scene; its pose maps the source into the target's
 frame, as ``i j`` of Redwood's logs does. Trajectories and graphs give the pairs that the truth asks for.
@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import csv
 import re
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations, islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,26 +27,23 @@ from cgroup.io.transforms import find_poses, read_transforms
 from cgroup.pose_graph.files import parse_json, parse_text
 from cgroup.rigid import check_rigid
 from cgroup.rigid.transforms import are_rigid
+from cgroup.types import BoolArray, FloatArray
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+# Of pairs: scene, "" if unknown, target, source and pose.
+_Pairs = Iterable[tuple[str, int, int, Any]]
 
-    from cgroup.types import BoolArray, FloatArray
-
-    # Of pairs: scene, "" if untold, target, source and pose.
-    _Pairs = Iterable[tuple[str, int, int, Any]]
 
 _UNNAMED = {"est", "gt", "poses", "graph", "result", "results", "trajectory"}
-"""Names of files that tell no scene; their folder's does."""
+"""Names of files that are no scene; the folder is named after it."""
 
 _MOST_CLOUDS = 1_000
-"""Of which all pairs are the truth."""
+"""Largest number of clouds whose pairs are all evaluated."""
 
 _BLOCK = 10_000
-"""Pairs whose poses are found at once."""
+"""Pairs whose poses are computed at once."""
 
 _LARGEST_NUMBER = 1 << 53
-"""Numbers of clouds are smaller, so that a float holds each exactly."""
+"""Numbers of clouds are smaller, so that floats are exact."""
 
 _TAIL = "-evaluation"  # of folders of 3DMatch
 _QUATERNION = ["tx", "ty", "tz", "qx", "qy", "qz", "qw"]
@@ -95,19 +93,19 @@ class PairErrors:
 
 
 def read_results(path: Path, truth: PairPoses | None = None) -> list[PairPoses | PairErrors]:
-    """Read what a file or a folder holds; several results where it has several methods."""
+    """Read the results in a file or a folder; one per method."""
     if path.suffix.lower() == ".npz" and path.is_file() and read_arrays(path, optional=["stats"]):
         return _split_methods(path)
     files = _files_of(path, is_truth=truth is None)
     scenes = sorted({key[0] for key in truth.keys}) if truth else []
-    told = {file: next((name for name in _names_of(file) if name in scenes), "") for file in files}
-    only = scenes[0] if len(scenes) == 1 and not any(told.values()) else ""
+    scene_of = {file: next((name for name in _names_of(file) if name in scenes), "") for file in files}
+    only = scenes[0] if len(scenes) == 1 and not any(scene_of.values()) else ""
     found: dict[Key, Path] = {}
     matrices: list[FloatArray] = []
     refused = np.full((4, 4), np.nan)
     clouds: dict[str, dict[int, str]] = {}
     for file in files:
-        rows, scene = _READERS.get(file.suffix.lower(), _read_trajectory)(file), told[file] or only
+        rows, scene = _READERS.get(file.suffix.lower(), _read_trajectory)(file), scene_of[file] or only
         if isinstance(rows, _Clouds):
             numbers = _number_clouds(rows, truth, scene)
             named = {number: rows.names.get(row, "") for row, number in numbers.items()}
@@ -138,7 +136,7 @@ def read_results(path: Path, truth: PairPoses | None = None) -> list[PairPoses |
 
 
 def read_truth(path: Path) -> PairPoses:
-    """Read true poses, and what ``gt.info`` and ``gt_overlap.log`` beside a ``gt.log`` tell."""
+    """Read true poses, and ``gt.info`` and ``gt_overlap.log`` beside a ``gt.log``."""
     known, *_ = read_results(path)
     if isinstance(known, PairErrors) or np.isnan(known.poses).any():
         message = f"{path}: not a truth; give the true pose of every pair"
@@ -159,12 +157,12 @@ def read_truth(path: Path) -> PairPoses:
 
 
 def show_pair(key: Key) -> str:
-    """Name a pair as data sets do: scene/target-source."""
+    """Return the usual name of a pair: scene/target-source."""
     return escape(f"{key[0]}/{key[1]}-{key[2]}" if key[1] >= 0 else f"{key[0]}/?")
 
 
 def _files_of(path: Path, *, is_truth: bool) -> list[Path]:
-    """List the files of a truth or of a result, which may lie in the same folder: logs of pairs first."""
+    """Return the files of a truth or of a result, which may share a folder; logs of pairs take precedence."""
     if not path.is_dir():
         return [path]
     files = sorted(file for file in path.rglob("*") if file.suffix.lower() in _SUFFIXES)
@@ -177,13 +175,13 @@ def _files_of(path: Path, *, is_truth: bool) -> list[Path]:
 
 
 def _names_of(file: Path) -> list[str]:
-    """List what may be the name of a file's scene: its own, or that of a folder above."""
+    """Return possible names of a file's scene: its own, and those of the folders above."""
     own = () if file.stem in _UNNAMED or _numbers_in(file) else (file.stem,)
     return [name.removesuffix(_TAIL) for name in (*own, *(parent.name for parent in file.absolute().parents))]
 
 
 def _number_clouds(clouds: _Clouds, truth: PairPoses | None, scene: str) -> dict[int, int]:
-    """Return the number that the truth has for each row: that of the same name, or of the same place.
+    """Return the number in the truth of each row: by the same name, or the same place.
 
     A truth that lists as many clouds is in the same order. In others, the numbers at the end of the names
     count, or the rows, whichever are more of the truth's.
@@ -208,7 +206,7 @@ def _number_clouds(clouds: _Clouds, truth: PairPoses | None, scene: str) -> dict
 def _pairs_among(
     file: Path, clouds: _Clouds, numbers: dict[int, int], truth: PairPoses | None, scene: str
 ) -> _Pairs:
-    """Yield poses of pairs of clouds: of those that the truth has, or of all; solved in blocks."""
+    """Yield poses of pairs of clouds: those of the truth, or all; solved in blocks."""
     placed: dict[int, tuple[int | None, Any]] = {}
     for row, component, pose in clouds.placed:
         if row not in numbers:  # the truth doesn't name it
@@ -241,13 +239,13 @@ def _read_log(file: Path) -> _Clouds | _Pairs:
 
 
 def _read_names(file: Path) -> tuple[dict[int, str], list[int]]:
-    """Read the names of scans beside a file whose format has no comments, and the rows that it has."""
+    """Read the names and rows of scans from the file beside one without comments."""
     beside = names_file(file)
     return find_names(load_text(beside).splitlines()) if beside.is_file() else ({}, [])
 
 
 def _read_graph(file: Path) -> _Clouds | _Pairs:
-    """Read the nodes of a g2o file, or its edges where it has no nodes."""
+    """Read the nodes of a g2o file, or its edges if it has no nodes."""
     text = load_text(file)
     with naming(file):
         graph = parse_text(text)
@@ -333,7 +331,7 @@ def _read_json(file: Path) -> _Clouds | _Pairs:
     """Read a document of ``cgroup register`` or ``cgroup merge``, or a graph of scans in Open3D's JSON."""
     document: Any = parse_file(file, load_json)
     try:
-        if "error" in document:  # a refusal doesn't tell its pair
+        if "error" in document:  # a refusal lacks its pair
             source, _, target = file.stem.partition("_on_")
             return [("", _last_number(target), _last_number(source), None)]
         if document.get("class_name") == "PoseGraph":
@@ -368,13 +366,13 @@ def _last_number(name: str) -> int:
     """Return the number of a cloud: the last one in its name."""
     found = re.findall(r"\d+", Path(name).stem)
     if not found:
-        message = f"no number in the name {escape(name)!r}, by which clouds are told"
+        message = f"no number in the name {escape(name)!r}, to identify the cloud"
         raise InputError(message)
     return int(found[-1])
 
 
 def _numbers_in(file: Path) -> tuple[int, int] | None:
-    """Return target and source of a file that is named after them, as 0_13 is."""
+    """Return target and source of a file named after them, such as 0_13."""
     found = re.fullmatch(r"(\d+)[_-](\d+)", file.stem)
     return None if found is None else (int(found[1]), int(found[2]))
 

@@ -3,33 +3,29 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cgroup._checks.arrays import as_floats, as_rows
 from cgroup._checks.values import refusal
 from cgroup.errors import InputError
 from cgroup.rigid.transforms import angles
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import ArrayLike
-
-    from cgroup.types import FloatArray, IndexArray
+from cgroup.types import FloatArray, IndexArray
 
 ROTATION_LIMITS = (3.0, 5.0, 10.0, 30.0, 45.0)
-"""Rotation errors at which ScanNet's protocol reads the distribution, in degrees."""
+"""Rotation limits of ScanNet's protocol, in degrees."""
 
 TRANSLATION_LIMITS = (0.05, 0.1, 0.25, 0.5, 0.75)
-"""The same of translation errors, in m."""
+"""Translation limits of ScanNet's protocol, in m."""
 
 
 @dataclass(frozen=True, eq=False)
 class SceneScore:
-    """How the poses of many scans compare with the true ones.
+    """Errors of the poses of many scans against the true ones.
 
     Attributes
     ----------
@@ -37,20 +33,11 @@ class SceneScore:
         Errors of the relative pose of every two scans of one place, in degrees and in the data's unit;
         infinite for two scans that aren't in one component.
     right, mixed : int
-        Components that hold all scans of one place and no others, and those with scans of several places.
+        Components with exactly the scans of one place, and components with scans of several places.
     found, wanted : int
         Components of at least two scans, and places with at least two scans.
     placed : int
         Scans in components of at least two.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cgroup.evaluation import score_scene
-    >>> poses = np.tile(np.eye(4), (3, 1, 1))
-    >>> score = score_scene(poses, [[0, 1], [2]], poses, ["here", "here", "there"])
-    >>> score.right, score.mixed, score.found, score.wanted, score.placed
-    (1, 0, 1, 1, 2)
     """
 
     rotation: FloatArray
@@ -62,22 +49,12 @@ class SceneScore:
     placed: int
 
     def summarize(self) -> dict[str, float]:
-        """Median, mean and largest errors of the pairs in one component.
+        """Return median, mean and largest errors of the pairs within components.
 
         Returns
         -------
         dict of str to float
             "rotation_median" and so on, in degrees and in the data's unit; NaN without such pairs.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> from cgroup.evaluation import score_scene
-        >>> poses = np.tile(np.eye(4), (2, 1, 1))
-        >>> score_scene(poses, [[0, 1]], poses, ["here", "here"]).summarize()[
-        ...     "rotation_median"
-        ... ]
-        0.0
         """
         summary: dict[str, float] = {}
         for name, errors in (("rotation", self.rotation), ("translation", self.translation)):
@@ -92,15 +69,15 @@ def score_scene(
 ) -> SceneScore:
     """Score poses of many scans.
 
-    Every two scans of one place count, whether they overlap or not, as in ScanNet's protocol (Gojcic et al.:
+    All pairs of scans of one place count, overlapping or not, as in ScanNet's protocol (Gojcic et al.:
     Learning multiview 3D point cloud registration, CVPR 2020).
 
     Parameters
     ----------
     poses : (N,4,4) array_like of float
-        Map points of each scan into the frame of its component; those of scans in no component are not read.
+        Map points of each scan into the frame of its component; unused for scans in no component.
     components : sequence of sequences of int
-        Rows of the scans that hang together; each scan is in one at most.
+        Rows of connected scans; each scan is in one component at most.
     truth : (N,4,4) array_like of float
         Map points of each scan into the frame of its place.
     labels : sequence of str
@@ -110,11 +87,6 @@ def score_scene(
     -------
     SceneScore
         In the order of the upper triangle.
-
-    Raises
-    ------
-    InputError
-        If the shapes don't fit, or a component names a scan that isn't there or is in another too.
 
     Examples
     --------
@@ -166,7 +138,7 @@ def score_scene(
 
 
 def as_labels(name: str, value: object, count: int, what: str) -> list[str]:
-    """Return a label for each of so many things."""
+    """Return `count` labels."""
     try:
         labels = [str(label) for label in itertools.islice(cast("Sequence[object]", value), count + 1)]
     except Exception as error:  # whatever the object's own conversion raises
@@ -177,12 +149,12 @@ def as_labels(name: str, value: object, count: int, what: str) -> list[str]:
 
 
 def ecdf(errors: ArrayLike, limits: ArrayLike) -> FloatArray:
-    """Shares of errors up to limits.
+    """Return the shares of errors up to limits.
 
     Parameters
     ----------
     errors : (P,) array_like of float
-        Infinite for what failed.
+        Infinite for failures.
     limits : (L,) array_like of float
         In the unit of the errors.
 
@@ -190,11 +162,6 @@ def ecdf(errors: ArrayLike, limits: ArrayLike) -> FloatArray:
     -------
     (L,) array of float64
         One share per limit; NaN without errors.
-
-    Raises
-    ------
-    InputError
-        If they aren't numbers.
 
     Examples
     --------
@@ -212,7 +179,7 @@ def ecdf(errors: ArrayLike, limits: ArrayLike) -> FloatArray:
 def _compare(
     estimated: FloatArray, true: FloatArray, source: IndexArray, target: IndexArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Angles in degrees and distances between relative poses."""
+    """Return angles in degrees and distances between relative poses."""
     relative, right = (np.linalg.solve(each[target], each[source]) for each in (estimated, true))
     turns = relative[:, :3, :3].transpose(0, 2, 1) @ right[:, :3, :3]
     return angles(turns), np.linalg.norm(relative[:, :3, 3] - right[:, :3, 3], axis=1)

@@ -1,4 +1,4 @@
-"""Charts as values, drawn here for print; the report draws the same ones to be turned around on its page.
+"""Charts as values, drawn here for print; the page of the report draws the same charts.
 
 A `Chart` has one or several `Panel`s, each with a `Series` per method.
 """
@@ -8,10 +8,12 @@ A `Chart` has one or several `Panel`s, each with a `Series` per method.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
@@ -19,17 +21,11 @@ from matplotlib.ticker import LogLocator
 
 from cgroup.evaluation.bins import LEAST_PAIRS
 from cgroup.plots import style
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-
-    from matplotlib.axes import Axes
-
-    from cgroup.plots.style import MethodStyle
-    from cgroup.types import BoolArray, FloatArray
+from cgroup.plots.style import MethodStyle
+from cgroup.types import BoolArray, FloatArray
 
 FEW = f"fewer than {LEAST_PAIRS} pairs"
-"""What hollow markers mean."""
+"""Meaning of hollow markers."""
 
 MARKER_SIZE = 4.5
 """Points across a disk."""
@@ -46,87 +42,53 @@ _NAMES_TURNED = 40  # degrees, for names on the x axis
 
 @dataclass(frozen=True)
 class Series:
-    """What is drawn of one method.
+    """The values of one method; lists that don't apply are empty, unknown values NaN."""
 
-    Attributes
-    ----------
-    key : str
-        Of its look.
-    y : sequence of float
-        Values; NaN where there are none.
-    x : sequence of float
-        Their places; those of the panel if there are none.
-    low, high : sequence of float
-        Intervals; none, or NaN where there is none.
-    counts : sequence of int
-        How many pairs each value is a mean of; none where that isn't what it is.
-    notes : sequence of str
-        Further lines to read at each point.
-    """
-
-    key: str
+    key: str  # of its look
     y: Sequence[float]
-    x: Sequence[float] = ()
-    low: Sequence[float] = ()
+    x: Sequence[float] = ()  # those of the panel by default
+    low: Sequence[float] = ()  # of intervals
     high: Sequence[float] = ()
-    counts: Sequence[int] = ()
-    notes: Sequence[str] = ()
+    counts: Sequence[int] = ()  # numbers of pairs that the values are means of
+    notes: Sequence[str] = ()  # further lines to read at each point
 
     @property
     def sparse(self) -> BoolArray:
-        """Whether each value is a mean of fewer pairs than tell anything."""
+        """Whether each value is a mean of fewer pairs than `LEAST_PAIRS`."""
         counts = np.array(self.counts if len(self.counts) else [LEAST_PAIRS] * len(self.y))
         return (counts > 0) & (counts < LEAST_PAIRS)
 
 
 @dataclass(frozen=True)
 class Panel:
-    """One view of a chart.
-
-    Attributes
-    ----------
-    title, x_title, y_title : str
-        Of the view, and of its axes.
-    series : list of Series
-        All panels of a chart have the same keys, where they are methods.
-    at : sequence of float or str
-        Levels, which serve all series; names have no order, and nothing connects them.
-    kind : {"curves", "points", "lines"}
-        Lines with markers, markers, or lines alone, which are steps.
-    share : bool
-        Whether values go from 0 to 1.
-    logarithmic : str
-        Axes that are: "", "x" or "xy".
-    bounds : dict of str to float
-        Places on the axes "x" and "y" where a pair begins to count as registered.
-    """
+    """One view of a chart; all panels have the same keys, if these are methods."""
 
     title: str
     x_title: str
     y_title: str
     series: list[Series]
-    at: Sequence[float | str] = ()
-    kind: Literal["curves", "points", "lines"] = "curves"
-    share: bool = True
-    logarithmic: str = ""
-    bounds: Mapping[str, float] = field(default_factory=dict[str, float])
+    at: Sequence[float | str] = ()  # levels of all series; names are neither ordered nor connected
+    kind: Literal["curves", "points", "lines"] = "curves"  # lines with markers, markers, or steps
+    share: bool = True  # whether values are from 0 to 1
+    logarithmic: str = ""  # axes: "", "x" or "xy"
+    bounds: Mapping[str, float] = field(default_factory=dict[str, float])  # of a registered pair, by axis
 
     @property
     def names(self) -> list[str]:
-        """The levels where they are names, else none."""
+        """The levels if they are names, else none."""
         return [level for level in self.at if isinstance(level, str)]
 
 
 @dataclass(frozen=True)
 class Chart:
-    """Panels, and the looks of all that they draw, in the order of the legend."""
+    """Panels, and the looks of their series in the order of the legend."""
 
     panels: list[Panel]
     looks: Mapping[str, MethodStyle]
 
     @property
     def is_sparse(self) -> bool:
-        """Whether some values are means of fewer pairs than tell anything."""
+        """Whether some values are means of fewer pairs than `LEAST_PAIRS`."""
         return any(series.sparse.any() for panel in self.panels for series in panel.series)
 
     def draw(self, title: str, *, columns: int = 3, legend: Literal["below", "right"] = "below") -> Figure:
@@ -274,7 +236,7 @@ def _place_levels(axes: Axes, panel: Panel) -> None:
 def _name_methods(
     figure: Figure, looks: Mapping[str, MethodStyle], place: Literal["below", "right"], *, few: bool
 ) -> None:
-    """Name the methods, and say what hollow markers are if there are levels of few pairs."""
+    """Draw the legend of methods, and of hollow markers if there are levels of few pairs."""
     handles = [
         Line2D(
             [],
@@ -306,7 +268,7 @@ def _name_methods(
 
 
 def _count_columns(lengths: list[int]) -> int:
-    """Count the columns of names that stand beside each other; names of so many letters fill them in turn."""
+    """Return how many columns of names fit side by side; names of these lengths fill them in turn."""
     for count in range(min(len(lengths), _MOST_COLUMNS), 1, -1):
         width = sum(max(column) for column in np.array_split(lengths, count)) + count * _HANDLE
         if width <= _LETTERS:

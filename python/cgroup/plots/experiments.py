@@ -9,10 +9,12 @@ Values are means over pairs; an `Estimator` finds them, so that the report can a
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from cgroup.evaluation import ecdf
 from cgroup.evaluation.metrics import REGISTERED_PRECISION
@@ -22,10 +24,7 @@ from cgroup.plots.charts import Chart, Panel, Series, sort_methods
 from cgroup.plots.style import MethodStyle
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
-
-    import pandas as pd
-    from matplotlib.figure import Figure
+    import pandas as pd  # slow to load
 
 OVERLAP_EDGES = (0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.0)
 """Pairs are sorted into these classes of overlap."""
@@ -343,7 +342,7 @@ def _by_probability(rows: pd.DataFrame, looks: Iterable[str], estimate: Estimato
     told = rows[rows["probability"].notna()]
     named = [name for name in looks if (told["method"] == name).any()]
     series, at = _share_right(told, "probability", PROBABILITY_EDGES, named, estimate)
-    return Panel("reliability", "probability told, all pairs", "share of right poses", series, at=at)
+    return Panel("reliability", "probability, all pairs", "share of right poses", series, at=at)
 
 
 def _share_right(

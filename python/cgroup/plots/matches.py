@@ -5,26 +5,22 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from numpy.typing import ArrayLike
 
 from cgroup._checks.arrays import as_points, as_rows
 from cgroup._checks.values import as_named
+from cgroup._show.drawing import Drawing
 from cgroup.evaluation import score_group
 from cgroup.plots import style
 from cgroup.plots.scene import Scene, caption, show
 from cgroup.plots.shading import face_broadside, find_front, shade
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from numpy.typing import ArrayLike
-
-    from cgroup._show.drawing import Drawing
-    from cgroup.types import AnyCloud, BoolArray, Correspondences, FloatArray
+from cgroup.types import AnyCloud, BoolArray, Correspondences, FloatArray
 
 _COLUMNS = 3
 _WIDTH = 9  # inches
@@ -42,7 +38,7 @@ def registration_figure(
     T_target_source: FloatArray,
     title: str,
 ) -> Figure:
-    """Draw the matches of a group, and how far the clouds are apart under the pose.
+    """Draw the matches of a group, and the distance between the clouds under the pose.
 
     Parameters
     ----------
@@ -53,24 +49,17 @@ def registration_figure(
     mask : (n,) array of bool
         The group.
     T_target_source : (4,4) array of float64
-        The pose found.
+        Estimated pose.
     title : str
         Shown on top.
 
     Returns
     -------
     Figure
-        Left, the source is turned as in the pose, so that lines of right matches run parallel. Right, both
-        clouds have the colour of their distance to the other one: of the nearest point there to the plane
-        about a point. Colours end at the resolution of the matches; what has no point of the other cloud
-        within 2.5 times that is grey.
-
-    Raises
-    ------
-    InputError
-        For points that aren't (N,3), or a pose that isn't (4,4).
-    IndexError
-        For a mask that isn't aligned with the matches.
+        Left: the source, rotated by the pose, so that lines of right matches are parallel. Right: both
+        clouds, coloured by distance to the other one (from the plane about a point to the nearest point
+        there). The colours end at the resolution of the matches; points without a neighbour within 2.5 times
+        that are grey.
 
     Examples
     --------
@@ -115,54 +104,23 @@ def comparison_figure(
     T_target_source: FloatArray,
     title: str,
 ) -> Figure:
-    """Draw what each method selected: correct matches in one colour, wrong in another.
+    """Draw the group of each method: correct matches in one colour, wrong ones in another.
 
     Parameters
     ----------
-    source, target : (N,3) array_like of float
-        Whole clouds.
-    correspondences : Correspondences
-        All matches.
+    source, target, correspondences, title
+        As for `registration_figure`.
     correct : (n,) array of bool
-        Which of them are correct.
+        Which matches are correct.
     masks : mapping of str to (n,) array of bool
-        What each method selected, by the method's name; one panel each.
+        Groups by the name of the method; one panel each.
     T_target_source : (4,4) array of float64
-        The true pose.
-    title : str
-        Shown on top.
+        True pose.
 
     Returns
     -------
     Figure
-        The source is shown turned as in the true pose, so that lines of correct matches run parallel.
-
-    Raises
-    ------
-    InputError
-        For points that aren't (N,3), a pose that isn't (4,4), or masks that aren't by name.
-    ValueError
-        For masks that aren't aligned with the matches.
-
-    Examples
-    --------
-    >>> from cgroup import group
-    >>> from cgroup.comparison import find_correct
-    >>> from cgroup.datasets import standin_pair
-    >>> from cgroup.plots import comparison_figure
-    >>> from cgroup.registration import correspond
-    >>> pair = standin_pair(pixels=60)
-    >>> matches = correspond(pair.source, pair.target, keypoints=200)
-    >>> figure = comparison_figure(
-    ...     pair.source.points,
-    ...     pair.target.points,
-    ...     matches,
-    ...     correct=find_correct(matches, pair.T_target_source),
-    ...     masks={name: group(matches, name).mask for name in ("gc", "gtm")},
-    ...     T_target_source=pair.T_target_source,
-    ...     title="Two methods",
-    ... )
-    >>> figure.savefig("methods.png")
+        The source is rotated by the true pose, so that lines of correct matches are parallel.
     """
     as_named("masks", masks, "give a dict of masks by the name of the method")
     rows = -(-len(masks) // _COLUMNS)
@@ -192,47 +150,7 @@ def matches_figure(
     correct: BoolArray | None = None,
     title: str,
 ) -> Figure:
-    """Draw two clouds side by side, and the selected matches between them.
-
-    Parameters
-    ----------
-    source, target : (N,3) array of float64
-        Whole clouds.
-    correspondences : Correspondences
-        All matches.
-    mask : (n,) array of bool
-        Which are selected.
-    T_target_source : (4,4) array of float64
-        The source is shown turned as in this pose; the identity leaves it as it is.
-    correct : (n,) array of bool, optional
-        Which are correct: lines are coloured by it.
-    title : str
-        Shown on top.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Not shown; save it with its method `savefig`.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cgroup.datasets import standin_pair
-    >>> from cgroup.plots import matches_figure
-    >>> from cgroup.registration import correspond
-    >>> pair = standin_pair(pixels=60)
-    >>> matches = correspond(pair.source, pair.target)
-    >>> figure = matches_figure(
-    ...     pair.source.points,
-    ...     pair.target.points,
-    ...     matches,
-    ...     mask=np.ones(len(matches), dtype=bool),
-    ...     T_target_source=pair.T_target_source,
-    ...     title="All matches",
-    ... )
-    >>> [text.get_text() for text in figure.legends[0].get_texts()]
-    ['selected']
-    """
+    """Draw two clouds side by side, the source rotated by the pose, and the selected matches."""
     scene = Scene(source, target, T_target_source)
     figure = _figure(float(np.clip(_WIDTH * scene.height / scene.widths[0], 2.5, 9)) + 0.7)
     axes = figure.subplots()
@@ -243,7 +161,7 @@ def matches_figure(
 
 
 def figure_of(drawing: Drawing) -> Figure:
-    """Draw what a result is made of, for its method `plot`."""
+    """Draw a result, for its method `plot`."""
     given: dict[str, Any] = {"mask": drawing.mask, "T_target_source": drawing.pose, "title": drawing.title}
     clouds = drawing.source, drawing.target
     if drawing.is_placed and drawing.correct is None:
@@ -258,7 +176,7 @@ def keypoints_figure(
     title: str,
     viewpoint: ArrayLike = (0, 0, 0),
 ) -> Figure:
-    """Draw where detectors found keypoints, one panel each.
+    """Draw keypoints on a cloud, one panel per detector.
 
     Parameters
     ----------
@@ -269,31 +187,12 @@ def keypoints_figure(
     title : str
         Shown on top.
     viewpoint : (3,) array_like of float
-        Where the scanner stood; the cloud is seen from that side.
+        Scanner position; the cloud is drawn from that side.
 
     Returns
     -------
     Figure
-        Keypoints on the far side are left out, and counted below the panel.
-
-    Raises
-    ------
-    InputError
-        For points that aren't (N,3), or keypoints that aren't by name.
-    IndexError
-        For keypoints that are no rows of the points.
-
-    Examples
-    --------
-    >>> from cgroup.datasets import standin_pair
-    >>> from cgroup.plots import keypoints_figure
-    >>> from cgroup.registration import detect
-    >>> scan = standin_pair(pixels=60).source
-    >>> found = {name: detect(scan, detector=name) for name in ("h3d", "iss")}
-    >>> figure = keypoints_figure(scan.points, found, title="Two detectors")
-    >>> [axes.get_title(loc="left") for axes in figure.axes]
-    ['h3d', 'iss']
-    >>> figure.savefig("keypoints.png")
+        Keypoints on the far side are left out and counted below the panel.
     """
     cloud = as_points("points", points)
     as_named("keypoints", keypoints, "give a dict of rows by the name of the detector")

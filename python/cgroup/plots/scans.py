@@ -5,9 +5,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
 from matplotlib.colors import LinearSegmentedColormap, Normalize
@@ -16,29 +17,22 @@ from matplotlib.figure import Figure
 from cgroup.plots import style
 from cgroup.plots.agreement import thin
 from cgroup.plots.scene import caption, show
-from cgroup.plots.shading import face_broadside, paint
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from matplotlib.axes import Axes
-
-    from cgroup.plots.shading import View
-    from cgroup.types import FloatArray
+from cgroup.plots.shading import View, face_broadside, paint
+from cgroup.types import FloatArray
 
 MOST_NAMED = 24
-"""Scans that are named in a figure; more names hide each other."""
+"""Largest number of scans that are named in a figure."""
 
 _MOST_POINTS = 300_000
 _APART = 0.06
-"""Of the graph's width, between the two nearest nodes: nearer, all are put on a circle."""
+"""Least distance of nodes, in widths of the graph; if nearer, all nodes are placed on a circle."""
 
 _HOLE = 0.75
-"""Grey of cells that the picture fills from those around."""
+"""Grey of cells that are filled from their neighbours."""
 
 _RESIDUALS = LinearSegmentedColormap.from_list("residuals", style.DISTANCE_COLORS)
 LEAST_RANGE = 3.0
-"""Standard deviations that the colours reach to at the least."""
+"""Least end of the colour scale, in standard deviations."""
 
 
 def scans_figure(
@@ -68,7 +62,7 @@ def scans_figure(
 
 
 def look_at(clouds: Sequence[FloatArray]) -> View:
-    """Look along the thinnest direction; at a map from above."""
+    """Return the view along the thinnest direction; of a map, from above."""
     few = np.concatenate([cloud[thin(cloud, _MOST_POINTS // len(clouds))] for cloud in clouds])
     above = few.mean(axis=0)
     above[2] += 1e3 * float(np.ptp(few, axis=0).max())
@@ -76,7 +70,7 @@ def look_at(clouds: Sequence[FloatArray]) -> View:
 
 
 def _draw_scans(axes: Axes, clouds: Sequence[FloatArray], colors: FloatArray, view: View) -> None:
-    """Draw each cell in the colour of the scan whose point is nearest there."""
+    """Draw each cell in the colour of the scan that is nearest to the viewer there."""
     few = [view.project(cloud[thin(cloud, _MOST_POINTS // len(clouds))]) for cloud in clouds]
     every, scan = np.concatenate(few), np.repeat(np.arange(len(few)), [len(cloud) for cloud in few])
     picture = paint(every, np.zeros(len(every)), lambda mean: np.ones((*mean.shape, 3)))
@@ -95,7 +89,7 @@ def _draw_scans(axes: Axes, clouds: Sequence[FloatArray], colors: FloatArray, vi
 
 
 def place_nodes(clouds: Sequence[FloatArray], axes: FloatArray) -> FloatArray:
-    """Return places of the scans in the plane: those of their middles, or on a circle where these crowd."""
+    """Return positions of the scans in the plane: their middles, or a circle if these are too close."""
     places = np.array([cloud.mean(axis=0) for cloud in clouds]) @ axes[:2].T
     apart = np.linalg.norm(places[:, None] - places, axis=-1)
     apart[np.diag_indices(len(places))] = np.inf

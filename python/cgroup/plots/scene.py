@@ -5,9 +5,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TypeAlias
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
 from matplotlib.colors import LinearSegmentedColormap, Normalize
@@ -17,24 +18,19 @@ from cgroup.plots import style
 from cgroup.plots.agreement import color_range, distances, planes, thin
 from cgroup.plots.shading import Picture, face_broadside, paint, shade
 from cgroup.rigid import apply
+from cgroup.types import AnyCloud, BoolArray, Correspondences, FloatArray, IndexArray
 
-if TYPE_CHECKING:
-    from typing import TypeAlias
+Extent: TypeAlias = tuple[float, float, float, float]
 
-    from matplotlib.axes import Axes
-
-    from cgroup.types import AnyCloud, BoolArray, Correspondences, FloatArray, IndexArray
-
-    Extent: TypeAlias = tuple[float, float, float, float]
 
 MAX_LINES = 150
-"""More lines than this hide each other; an evenly spaced part of them is drawn, and the figure says so."""
+"""Largest number of lines; of more, an evenly spaced part is drawn, and the figure states it."""
 
 _FEW = 1500
-"""Fewer points than this are drawn as dots: shaded, they would be coarse cells."""
+"""Fewer points are drawn as dots, because shaded cells would be coarse."""
 
 _MOST = 100_000
-"""Points of a cloud whose distance to the other one is measured; a cell of the picture has several."""
+"""Largest number of points of a cloud whose distances are computed."""
 
 _DISTANCES = LinearSegmentedColormap.from_list("distances", style.DISTANCE_COLORS).with_extremes(
     bad=style.ALONE
@@ -73,7 +69,7 @@ class Scene:
         _fit(axes, *self._extents)
 
     def draw_agreement(self, axes: Axes, matches: Correspondences) -> ScalarMappable:
-        """Draw both clouds as the pose lays them, coloured by distance; return the colours."""
+        """Draw both clouds under the pose, coloured by distance; return the colours."""
         end = color_range(matches, self._clouds[1])
         colors = ScalarMappable(Normalize(0.0, end), _DISTANCES)
         clouds = [cloud[thin(cloud, _MOST)] for cloud in self._clouds]
@@ -91,7 +87,7 @@ class Scene:
     def draw_selection(
         self, axes: Axes, matches: Correspondences, mask: BoolArray, correct: BoolArray | None
     ) -> str:
-        """Draw the matches of a group, of the correct and the wrong ones the same share; say how many."""
+        """Draw the same share of correct and wrong matches of a group; return their number as text."""
         kinds = [(mask, style.GROUPED)]
         if correct is not None:
             kinds = [(mask & ~correct, style.WRONG), (mask & correct, style.CORRECT)]
@@ -113,19 +109,19 @@ class Scene:
 
 
 def spread(rows: IndexArray, most: int) -> IndexArray:
-    """Return at most so many of the rows, evenly spread."""
+    """Return at most `most` of the rows, evenly spaced."""
     if len(rows) <= most:
         return rows
     return rows[np.linspace(0, len(rows) - 1, most).astype(np.int64)]
 
 
 def show(axes: Axes, picture: Picture, extent: Extent | None = None) -> None:
-    """Draw a picture, at its place or another."""
+    """Draw a picture, at its own or another extent."""
     axes.imshow(picture.rgba, extent=extent or picture.extent, origin="lower", interpolation="nearest")
 
 
 def caption(axes: Axes, name: str, numbers: str = "") -> None:
-    """Write a name above the left end of a panel, and numbers above its right end."""
+    """Write a name above a panel on the left, and numbers on the right."""
     axes.set_title(name, loc="left", fontsize=11, fontweight="bold", color=style.TEXT)
     axes.set_title(numbers, loc="right", fontsize=9, color=style.QUIET_TEXT)
 

@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from typing import TypeAlias
+from cgroup.types import BoolArray, FloatArray, IndexArray
 
-    from numpy.typing import ArrayLike
+Tint: TypeAlias = tuple[float, float, float]
 
-    from cgroup.types import BoolArray, FloatArray, IndexArray
-
-    Tint: TypeAlias = tuple[float, float, float]
 
 LIGHT = np.array([-0.45, 0.55, 0.70])  # towards the light: upper left, in front
 AMBIENT = 0.35
 _AMBIENT_ON_VALUES = 0.75  # light and shadow must not be taken for the value
 _CELLS = 240  # along the larger side of a picture, at most
-_STRAYS = 0.01  # share of the points beyond each side that may be left out ...
+_OUTLIERS = 0.01  # share of the points beyond each side that may be left out ...
 _MARGIN = 0.3  # ... if they are farther off than this share of the width of the others
 
 
@@ -37,7 +34,7 @@ class View:
 
 
 def face_broadside(points: FloatArray, viewpoint: ArrayLike = (0, 0, 0)) -> View:
-    """Find the view that shows most of a cloud: along its thinnest direction, from the scanner's side.
+    """Return the view that shows most of a cloud: along its thinnest direction, from the scanner's side.
 
     The y axis of the data points upwards, or z where y points at the viewer.
     """
@@ -62,7 +59,7 @@ class Picture:
 
 def shade(projected: FloatArray, tint: Tint) -> Picture:
     """Shade a projected cloud by the slope of its nearest points; the tint is that of lit surfaces."""
-    projected = projected[_is_no_stray(projected)]
+    projected = projected[_is_no_outlier(projected)]
     grid = _Grid.over(projected)
     return grid.picture(_light(_surface(projected, grid), grid.cell, np.asarray(tint), AMBIENT))
 
@@ -72,7 +69,7 @@ def paint(projected: FloatArray, values: FloatArray, color_of: Callable[[FloatAr
 
     The mean is NaN where the values of most of these points are.
     """
-    kept = _is_no_stray(projected)
+    kept = _is_no_outlier(projected)
     projected, values = projected[kept], values[kept]
     grid = _Grid.over(projected)
     depth = _surface(projected, grid)
@@ -96,13 +93,13 @@ def _sum_around(
 
 
 def find_front(projected: FloatArray) -> BoolArray:
-    """(N,) whether no nearer part of the projected cloud hides a point."""
+    """Return which points (N,) are not hidden by nearer ones."""
     return _front_layer(projected, _Grid.over(projected))[1]
 
 
-def _is_no_stray(projected: FloatArray) -> BoolArray:
-    """Tell all from the few points far off, as laser scans have, that would make the rest small."""
-    low, high = np.quantile(projected[:, :2], (_STRAYS, 1 - _STRAYS), axis=0)
+def _is_no_outlier(projected: FloatArray) -> BoolArray:
+    """Return which points are no far outliers, as laser scans have."""
+    low, high = np.quantile(projected[:, :2], (_OUTLIERS, 1 - _OUTLIERS), axis=0)
     margin = _MARGIN * (high - low)
     inside = (projected[:, :2] >= low - margin) & (projected[:, :2] <= high + margin)
     return inside.all(axis=1)

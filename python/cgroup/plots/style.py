@@ -10,17 +10,14 @@ them.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple
 
 from matplotlib.path import Path
 from matplotlib.transforms import Affine2D
+from matplotlib.typing import LineStyleType
 
 from cgroup.registry import METHOD_INFO
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
-    from matplotlib.typing import LineStyleType
 
 
 class MethodStyle(NamedTuple):
@@ -87,7 +84,7 @@ OWN_MARKERS = (
 """Of methods from outside: matplotlib's, plotly's, and sizes."""
 
 CORRECT = "#009E73"
-"""Correct matches: a bluish green, told from `WRONG` by every common kind of colour vision."""
+"""Correct matches: a bluish green, distinct from `WRONG` for all common kinds of colour vision."""
 
 WRONG = "#D55E00"
 """Wrong matches: vermilion."""

@@ -1,7 +1,8 @@
-"""``cgroup compare`` and ``demo``: run all methods on a pair whose pose is known."""
+"""``cgroup compare`` and ``demo``: run all methods on a pair of known pose."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +13,11 @@ from cgroup import io
 from cgroup._checks.values import refusal
 from cgroup.cli import options
 from cgroup.cli.command import command, identify_run, make_app
-from cgroup.cli.commands.register import PairFiles, placement_facts, registration_results
 from cgroup.cli.inputs import describe_pair, read_both
 from cgroup.cli.options import option
-from cgroup.cli.pose_files import name_of_pair
+from cgroup.cli.pair_files import PairFiles, name_of_pair
 from cgroup.cli.show.json import Document
+from cgroup.cli.show.registration import placement_facts, registration_results
 from cgroup.cli.show.tables import Column, print_table, show_value
 from cgroup.cli.show.terminal import (
     print_clouds,
@@ -31,6 +32,7 @@ from cgroup.cli.show.terminal import (
 from cgroup.comparison import (
     MAX_DISPLACEMENT,
     MAX_ROTATION,
+    MethodResult,
     compare,
     find_correct,
     table,
@@ -62,21 +64,21 @@ _BEST = {
     7: ("rotation_error_deg", min),
     8: ("displacement_pr", min),
 }
-"""By column: what it shows, and which is the best."""
+"""Columns in which the best value is marked: key, and how to choose it."""
 
 app = make_app()
 
 
-def print_comparison(document: Document, *, wide: bool) -> None:
+def _print_comparison(document: Document, *, wide: bool) -> None:
     """Print methods compared on one pair, from their document: the best F first."""
     results = document["results"]
     limits = results["limits"]
     print_clouds(document["inputs"])
-    counted = _say_correct(results["matches"], results["correct"])
+    counted = _count_correct(results["matches"], results["correct"])
     pr = show_value(results["resolution"], ".4g")
     print_facts(
         ("resolution", f"{pr} (mean point spacing, in the files' unit; 1 pr)"),
-        ("matching", f"{counted}, that is within {CORRECT_WITHIN:g} pr of the true place"),
+        ("matching", f"{counted}: within {CORRECT_WITHIN:g} pr of the true place"),
     )
     rows = sorted(results["methods"], key=lambda row: (-row["f_score"], row["milliseconds"]))
     best: set[tuple[int, int]] = set()  # ties are all best
@@ -85,18 +87,18 @@ def print_comparison(document: Document, *, wide: bool) -> None:
         best |= {(at, column) for at, row in enumerate(rows) if top is not None and row[name] == top}
     print_table(_COLUMNS, [_cells(row) for row in rows], best=best, wide=wide)
     print_prose(
-        f"Registered: the pose that the group fixes is off by at most {limits['max_rotation_deg']:g} "
-        f"degrees, and by {limits['max_displacement_pr']:g} pr on average over the matched points. P > 0.1: "
-        "the paper's criterion, which asks for no pose."
+        f"Registered: the errors of the group's pose are at most {limits['max_rotation_deg']:g} degrees and "
+        f"{limits['max_displacement_pr']:g} pr, the latter as mean displacement of the matched points. "
+        "P > 0.1: the paper's criterion, which needs no pose."
     )
     if results["correct_under_inverse"]:
         print_prose(
             f"Note: {results['correct_under_inverse']} matches would be correct under the inverse of this "
-            "truth; it has to map the source into the target's frame."
+            "truth; the truth must map the source into the target's frame."
         )
     if "registration" in results:
         print_line("")
-        print_line("Registered by cgroup register, which looks at the surfaces too:")
+        print_line("Result of cgroup register, which verifies poses on the surfaces:")
         print_facts(*placement_facts(results["registration"], document["inputs"][0]["centroid"]))
     print_files(document)
 
@@ -113,7 +115,7 @@ def _cells(row: dict[str, Any]) -> tuple[str, ...]:
     )
 
 
-def _say_correct(matches: int, correct: int) -> str:
+def _count_correct(matches: int, correct: int) -> str:
     return f"{matches} matches, {correct} correct ({100 * correct / max(matches, 1):.1f} %)"
 
 
@@ -122,19 +124,17 @@ def _say_correct(matches: int, correct: int) -> str:
     "compare",
     "cgroup compare source.ply target.ply --truth pose.txt",
     "",
-    "# other descriptors, and what became of it beside a run that was saved before",
-    "cgroup compare a.ply b.ply --truth pose.txt --descriptor rcs --save rcs",
-    "cgroup results compare shot rcs",
-    show=print_comparison,
+    "# other descriptors",
+    "cgroup compare a.ply b.ply --truth pose.txt --descriptor rcs --out rcs",
+    show=_print_comparison,
     takes=[name for name in options.FRONT if name != "resolution"],
-    saves=True,
 )
 def compare_command(
     context: typer.Context,
     source: Path = options.SOURCE,
     target: Path = options.TARGET,
     *,
-    truth: Path = option(..., "POSE", "File of the true pose of the source in the target's frame.", "Truth"),
+    truth: Path = option(..., "POSE", "File of the true pose of the source in the target.", options.TRUTH),
     max_rotation: float = option(
         MAX_ROTATION, "DEGREES", "Largest rotation error of a registered pair.", "Limits", min=0
     ),
@@ -149,9 +149,9 @@ def compare_command(
     html: bool = options.HTML,
     **front_end: Any,
 ) -> Document:
-    """Run all methods on a pair whose pose is known, and judge what each selects.
+    """Run all methods on a pair of known pose, and score their groups.
 
-    Writes the table, the matches and pictures.
+    Writes the table, the matches and a picture.
     """
     for name, limit in (("max_rotation", max_rotation), ("max_displacement", max_displacement)):
         if not np.isfinite(limit):
@@ -176,19 +176,18 @@ def compare_command(
     "cgroup demo",
     "cgroup demo --seed 3 --out third --wide",
     "cgroup compare out/source.ply out/target.ply --truth out/truth.txt",
-    show=print_comparison,
-    saves=True,
+    show=_print_comparison,
 )
 def demo_command(
     context: typer.Context,
     *,
-    seed: int = option(0, "NUMBER", "Another seed, another shape.", "Shape", min=0),
+    seed: int = option(0, "NUMBER", "Seed of the shape.", "Shape", min=0),
     out: Path = options.OUT,
     html: bool = options.HTML,
 ) -> Document:
-    """Run all methods on a generated pair, and register it: two views of a closed shape rich in detail.
+    """Run all methods on a generated pair, and register it.
 
-    Writes the two scans, their true pose, and all that `cgroup compare` and `cgroup register` write.
+    Writes the two scans, their true pose, and the files of `cgroup compare` and `cgroup register`.
     """
     from cgroup.datasets import standin_pair  # noqa: PLC0415 - slow to load
 
@@ -204,7 +203,7 @@ def demo_command(
         io.write_cloud(source, pair.source)
         io.write_cloud(target, pair.target)
         io.write_transform(truth, true_pose)
-    said = _compare_methods(
+    parts = _compare_methods(
         (source, target),
         clouds,
         true_pose,
@@ -217,8 +216,8 @@ def demo_command(
         done = register(*clouds, progress=begin)
         begin("figures")
         written = writer.write(clouds, done, true_pose)
-    said["results"]["registration"] = registration_results(done, clouds, true_pose)
-    return {**said, "files": [source, target, truth, *said["files"], *written]}
+    parts["results"]["registration"] = registration_results(done, clouds, true_pose)
+    return {**parts, "files": [source, target, truth, *parts["files"], *written]}
 
 
 def _compare_methods(
@@ -235,15 +234,12 @@ def _compare_methods(
 ) -> Document:
     """Match, group by every method, and write the files; `limits` are in degrees and pr."""
     name, pages = name_of_pair(*files), ["comparison.html"] if html else []
-    endings = ["comparison.csv", "comparison.png", "precision_recall.png", "comparison.npz"]
-    rows, panels_file, curves_file, matches_file, *pages = (
-        folder / f"{name}_{ending}" for ending in (*endings, *pages)
-    )
+    endings = ["comparison.csv", "comparison.png", "comparison.npz"]
+    rows, panels_file, matches_file, *pages = (folder / f"{name}_{ending}" for ending in (*endings, *pages))
     outputs = Results(folder, f"compare {name}")
-    outputs.check([rows, panels_file, curves_file, matches_file, *pages])
+    outputs.check([rows, panels_file, matches_file, *pages])
     with show_stages() as begin:
         matches = correspond(*clouds, progress=begin, **front_end)
-        pr = matches.resolution or np.nan
         correct = find_correct(matches, true_pose)
         results = list(
             compare(
@@ -251,14 +247,13 @@ def _compare_methods(
                 true_pose,
                 correct=correct,
                 max_rotation=limits[0],
-                max_displacement=limits[1] * pr,
+                max_displacement=limits[1] * (matches.resolution or np.nan),
                 progress=lambda method: begin(f"grouping by {label_of(method)}"),
             )
         )
-        begin("figures")
-        from cgroup.plots import comparison_figure, precision_recall_figure  # noqa: PLC0415 - slow to load
+        begin("figure")
+        from cgroup.plots import comparison_figure  # noqa: PLC0415 - slow to load
 
-        titled = f"{title}: {_say_correct(len(correct), int(correct.sum()))}"
         panels = comparison_figure(
             clouds[0].points,
             clouds[1].points,
@@ -266,44 +261,43 @@ def _compare_methods(
             correct=correct,
             masks={result.method: result.grouping.mask for result in results},
             T_target_source=true_pose,
-            title=titled,
+            title=f"{title}: {_count_correct(len(correct), int(correct.sum()))}",
         )
-        scores = {result.method: result.score for result in results}
-        curves = precision_recall_figure(scores, title=titled)
         with outputs.writing(run) as written:
             write_table(rows, results)
             write_figure(panels_file, panels)
-            write_figure(curves_file, curves)
             io.write_correspondences(matches_file, matches)
             for file in pages:
                 from cgroup.pages import comparison_page, write_page  # noqa: PLC0415 - slow to load
 
                 page = comparison_page(*clouds, matches, results, true_pose, correct=correct, title=title)
                 write_page(file, page)
+    described = _describe(matches, correct, true_pose, results)
+    described["limits"] = {"max_rotation_deg": limits[0], "max_displacement_pr": limits[1]}
+    return {"inputs": describe_pair(files, clouds), "results": described, "files": written}
+
+
+def _describe(
+    matches: Correspondences, correct: BoolArray, true_pose: FloatArray, results: Sequence[MethodResult]
+) -> Document:
+    """Return the results of a comparison for a document."""
+    pr = matches.resolution or np.nan
+    methods = [
+        {**row, "displacement_pr": result.displacement / pr, "T_target_source": result.T_target_source}
+        for row, result in zip(table(results), results, strict=True)
+    ]
     return {
-        "inputs": describe_pair(files, clouds),
-        "results": {
-            "resolution": pr,
-            "matches": len(correct),
-            "correct": int(np.count_nonzero(correct)),
-            "correct_under_inverse": _count_under_inverse(matches, correct, true_pose),
-            "T_target_source": true_pose,
-            "methods": [
-                {
-                    **row,
-                    "displacement_pr": result.displacement / pr,
-                    "T_target_source": result.T_target_source,
-                }
-                for row, result in zip(table(results), results, strict=True)
-            ],
-            "limits": {"max_rotation_deg": limits[0], "max_displacement_pr": limits[1]},
-        },
-        "files": written,
+        "resolution": pr,
+        "matches": len(correct),
+        "correct": int(np.count_nonzero(correct)),
+        "correct_under_inverse": _count_under_inverse(matches, correct, true_pose),
+        "T_target_source": true_pose,
+        "methods": methods,
     }
 
 
 def _count_under_inverse(matches: Correspondences, correct: BoolArray, true_pose: FloatArray) -> int | None:
-    """Count what would be correct under the inverse of the truth, where that is suspiciously much."""
+    """Count matches that are correct under the inverse of the truth; None unless suspiciously many."""
     suspicious = 10 * max(int(correct.sum()), 1)
     if len(matches) <= suspicious:
         return None

@@ -1,4 +1,4 @@
-"""``cgroup evaluate``: results of any tool, scored by the recalls that papers define."""
+"""``cgroup evaluate``: score and compare results of any tool by the recalls of papers."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ from cgroup.io._files import written_path
 from cgroup.types import BoolArray
 
 _OVERLAPS = (0.0, 0.1, 0.3, 0.5, 0.7, 1.0)
-"""Bounds of levels: 3DLoMatch has pairs of 0.1 to 0.3, 3DMatch those of more."""
+"""Bounds of levels: 3DLoMatch has pairs of 0.1 to 0.3, 3DMatch those above."""
 
 _FACTORS = tuple(k / 10 for k in range(1, 21))
-"""By which limits are multiplied for the curve."""
+"""Multiples of the limits, for the curve."""
 
 _COUNTS = ("right", "wrong", "refused", "missing")
 _WORST = 20  # poses of a result that are listed
@@ -49,7 +49,7 @@ app = make_app()
 def print_evaluation(
     document: Document, *, wide: bool, curve: bool = False, latex: bool = False, markdown: bool = False
 ) -> None:
-    """Print results by every recall of a protocol, from their document; or its table for a paper."""
+    """Print results by all recalls of a protocol from their document, or as a table for a paper."""
     done = document["results"]
     if latex or markdown:
         rows = [["result", *(one["name"] for one in done["recalls"]), "RRE", "RTE"]]
@@ -89,19 +89,19 @@ def _tables(
             yield f"{main} by {title}", [title, *names], rows
     if done["tests"]:
         rows = [[show_value(cell, ".2g") for cell in test.values()] for test in done["tests"]]
-        heading = "Pairs that only one registers, and p of McNemar's exact test, adjusted by Holm"
+        heading = "Pairs registered by one result only; p of McNemar's exact test, adjusted by Holm"
         yield heading, ["one", "other", "only one", "only other", "p"], rows
     if worst:
         rows = [[one["name"], *map(show_value, pair.values())] for one in methods for pair in one["worst"]]
-        heading = f"Worst poses by {main}: {_WORST} of each result at most"
+        heading = f"Worst poses by {main}: at most {_WORST} per result"
         yield heading, ["result", "pair", "overlap", "limits x", "RRE deg", "RTE", "RMSE"], rows
 
 
 def _facts(done: Document) -> list[tuple[str, str]]:
-    """List what the recalls are, what is to be noted, and what the protocol leaves open."""
+    """Return definitions of the recalls, notes, and open points of the protocol."""
     recalls = [f"{one['name']}: {one['criterion']}" for one in done["recalls"]]
-    told = {"recall": recalls, "note": done["notes"], "left open": done["left_open"]}
-    return [(word, sentence) for word, sentences in told.items() for sentence in sentences]
+    facts = {"recall": recalls, "note": done["notes"], "left open": done["left_open"]}
+    return [(name, sentence) for name, sentences in facts.items() for sentence in sentences]
 
 
 def _percent(share: float | None, digits: int = 1) -> str:
@@ -109,7 +109,7 @@ def _percent(share: float | None, digits: int = 1) -> str:
 
 
 def _show_recalls(method: Document, done: Document, *, intervals: bool = False) -> list[str]:
-    """Show the recalls of a result, and its errors by the main one."""
+    """Return the recalls of a result as text, and its errors by the main recall."""
     cells: list[str] = []
     for one in method["recalls"]:
         ends = f" [{_percent(one['low'])}, {_percent(one['high'])}]" if intervals and one else ""
@@ -136,7 +136,6 @@ def _as_latex(rows: list[list[str]]) -> str:
     "cgroup evaluate ours.csv theirs.npz --protocol kitti --truth poses.csv",
     "cgroup evaluate poses.tum --protocol own.toml --truth truth.tum --latex",
     show=print_evaluation,
-    saves=True,
 )
 def evaluate_command(
     results: list[Path] = options.argument(
@@ -144,20 +143,21 @@ def evaluate_command(
     ),
     *,
     protocol: str = option(
-        ..., "NAME", f"{', '.join(protocols.protocol_names())}, or a .toml file.", "Truth"
+        ..., "NAME", f"{', '.join(protocols.protocol_names())}, or a .toml file.", options.TRUTH
     ),
     truth: Path | None = option(
-        None, "PATH", "True poses: a folder of gt.log by scene, or as results.", "Truth", "none"
+        None, "PATH", "True poses: folders SCENE/gt.log, or a file like a result.", options.TRUTH, "none"
     ),
-    inverse: bool = options.flag("--inverse", "Poses map the target into the source's frame.", "Truth"),
-    curve: bool = options.flag("--curve", "Show the recall at 0.1 to 2 times the limits too."),  # noqa: ARG001
+    inverse: bool = options.flag("--inverse", "Poses map the target into the source's frame.", options.TRUTH),
+    curve: bool = options.flag("--curve", "Print the recall at 0.1 to 2 times the limits too."),  # noqa: ARG001
     latex: bool = options.flag("--latex", "Print the table of recalls as LaTeX."),  # noqa: ARG001 - for `show`
     markdown: bool = options.flag("--markdown", "Print the table of recalls as Markdown."),  # noqa: ARG001
-    html: Path | None = option(None, "FILE", "Write a page for the browser too.", options.OUTPUT),
+    html: Path | None = option(None, "FILE", "Write an interactive page too.", options.OUTPUT),
 ) -> Document:
-    """Score registration results of any tool by every recall that a protocol has.
+    """Score and compare registration results of any tool by all recalls of a protocol.
 
-    Pairs are told by scene, target and source, in any order. A missing pair counts as not registered.
+    Several results are tested against each other on the same pairs. A pair is identified by scene, target and
+    source; the order is free. A missing pair counts as not registered.
     """
     by, known = protocols.read_protocol(protocol), None if truth is None else read_truth(truth)
     found: dict[str, PairErrors] = {}
@@ -166,7 +166,7 @@ def evaluate_command(
             if isinstance(one, PairErrors):
                 found[f"{name}: {one.name}" if one.name in found else one.name] = one
             elif known is None:
-                message = f"--truth: is needed for the poses in {path}; give the true ones"
+                message = f"--truth: is needed for the poses in {path}; give the true poses"
                 raise InputError(message)
             else:
                 found[name] = protocols.score_poses(known, one, inverse=inverse)
@@ -186,18 +186,18 @@ def evaluate_command(
 
 
 def _names_of(paths: Sequence[Path]) -> list[str]:
-    """Name results after their files, or by the whole path where two would be called the same."""
+    """Name results after their files, or by the whole path if two names are equal."""
     short = [path.parent.name if path.stem == "est" else path.stem for path in paths]
     count = Counter(short)
     return [name if name and count[name] == 1 else str(path) for name, path in zip(short, paths, strict=True)]
 
 
 def _main_recall(by: RecallProtocol, *found: PairErrors) -> Recall:
-    """Return the first recall that can be computed of all results."""
+    """Return the first recall that can be computed for all results."""
     for recall in by.recalls:
         if all(map(recall.is_known, found)):
             return recall
-    message = f"{by.title}: no recall is known of all results; RMSE needs gt.info beside gt.log"
+    message = f"{by.title}: no recall is known for all results; RMSE needs gt.info beside gt.log"
     raise InputError(message)
 
 
@@ -213,7 +213,7 @@ def _evaluate(by: RecallProtocol, found: dict[str, PairErrors]) -> Document:
     tests = compare_results(found, main)
     tested = {(test["one"], test["other"]) for test in tests}
     apart = [" and ".join(two) for two in itertools.combinations(found, 2) if two not in tested]
-    notes += [f"not of the same pairs, so not tested: {', '.join(apart)}"] if apart else []
+    notes += [f"not tested, because their pairs differ: {', '.join(apart)}"] if apart else []
     return {
         "protocol": by.title,
         "citation": by.citation,
@@ -229,7 +229,7 @@ def _evaluate(by: RecallProtocol, found: dict[str, PairErrors]) -> Document:
 
 
 def _describe(name: str, found: PairErrors, by: RecallProtocol, main: Recall) -> Document:
-    """List what a document says of a result."""
+    """Return the description of a result for a document."""
     counts, right = main.counted(found), main.registered(found)
     scenes, levels = np.array([key[0] for key in found.keys]), np.digitize(found.overlap, _OVERLAPS[1:-1])
     levels[np.isnan(found.overlap)] = -1
@@ -237,8 +237,8 @@ def _describe(name: str, found: PairErrors, by: RecallProtocol, main: Recall) ->
 
     excess = main.excess(found)
     rows = np.flatnonzero(counts & ~right & np.isfinite(excess))
-    told = {"overlap": found.overlap, "factor": excess, "rotation_deg": found.rotation}
-    told |= {"translation": found.translation, "rmse": found.rmse}
+    values = {"overlap": found.overlap, "factor": excess, "rotation_deg": found.rotation}
+    values |= {"translation": found.translation, "rmse": found.rmse}
 
     def share(chosen: BoolArray) -> float:
         return registration_recall(right[counts & chosen])
@@ -250,7 +250,7 @@ def _describe(name: str, found: PairErrors, by: RecallProtocol, main: Recall) ->
         "scenes": {scene: share(scenes == scene) for scene in np.unique(scenes).tolist()},
         "overlaps": [share(levels == level) for level in range(len(_OVERLAPS) - 1)],
         "worst": [
-            {"pair": show_pair(found.keys[row]), **{key: float(each[row]) for key, each in told.items()}}
+            {"pair": show_pair(found.keys[row]), **{key: float(each[row]) for key, each in values.items()}}
             for row in rows[np.argsort(-excess[rows])][:_WORST].tolist()
         ],
         "curve": [registration_recall(main.registered(found, factor)[counts]) for factor in _FACTORS],

@@ -1,4 +1,4 @@
-"""``cgroup detect`` and ``describe``: find the keypoints of a cloud, with frames and descriptors."""
+"""``cgroup detect`` and ``describe``: keypoints of a cloud, with frames and descriptors."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def detect_command(
     "describe",
     "cgroup describe scan.ply --descriptor rcs",
     "",
-    "# a whole model, whose faces tell the outside",
+    "# a whole model: normals by its faces",
     "cgroup describe model.ply --normals mesh --resolution 0.5 --out model",
     show=_print_features,
     takes=options.FRONT,

@@ -33,14 +33,14 @@ app = make_app()
 
 
 def _read_tolerance(text: str | None) -> float | str | None:
-    """Read a length; None and the word for an estimate stay."""
+    """Return a length as a number; None and "auto" as they are."""
     try:
         return text if text in (None, "auto") else float(text)
     except ValueError:
         raise InputError("--tolerance", text, "give a length, or auto") from None
 
 
-def print_group(document: Document) -> None:
+def _print_group(document: Document) -> None:
     """Print a group from its document."""
     found, method = document["results"], document["options"]["method"]
     matches, pr = document["inputs"][0]["matches"], document["options"]["resolution"]
@@ -54,9 +54,9 @@ def print_group(document: Document) -> None:
             ("residuals", f"root mean square {_length(found['residual_rms'], pr)}"),
             ("", f"largest {_length(found['residual_max'], pr)}"),
         )
-    print_facts(("sure", _say_how_sure(found, label)))
+    print_facts(("reliable", _reliability(found, label)))
     if not found["complete"]:
-        print_facts(("note", "a bound of the method cut its search short: there may be a better group"))
+        print_facts(("note", "the search stopped at a limit of the method; a better group may exist"))
     print_files(document)
 
 
@@ -68,16 +68,14 @@ def print_group(document: Document) -> None:
     "",
     "cgroup group matches.npz --method SC2-PCR --tolerance 0.1 --json --out narrow",
     "",
-    "# where no unit is known: estimated by lc from the matches",
+    "# of unknown unit: the tolerance is estimated by lc",
     "cgroup group matches.txt --method ransac --tolerance auto",
-    show=print_group,
-    saves=True,
+    show=_print_group,
 )
 def group_command(
     correspondences: Path = argument(
         "MATCHES",
-        "Six columns, x y z x' y' z', of text, CSV or NPY; or NPZ with the fields of cgroup's "
-        "correspondences.",
+        "Six columns, x y z x' y' z', of text, CSV or NPY; or NPZ with the fields of Correspondences.",
     ),
     *,
     method: str = option(
@@ -97,7 +95,7 @@ def group_command(
     tolerance: Any = option(
         None,
         "LENGTH|auto",
-        "Tolerance of methods that have one, in the file's unit; auto: estimated by lc.",
+        "Tolerance of the method, in the file's unit; auto: estimated by lc.",
         options.GROUPING,
         "the method's",
         parser=str,
@@ -105,11 +103,11 @@ def group_command(
     ),
     out: Path = options.OUT,
 ) -> Document:
-    """Group correspondences of your own: which are selected, what pose they fix, how sure that is.
+    """Group your own matches: the selected ones, their pose, and how reliable it is.
 
-    Writes NAME_METHOD_mask.txt with 1 or 0 per match, and the pose and the residual of each match under it:
-    NAME_METHOD_transform.txt and NAME_METHOD_residuals.txt. Exit status 3 says that chance could have made
-    the group; the files are written all the same.
+    Writes NAME_METHOD_mask.txt with 1 or 0 per match, the pose, NAME_METHOD_transform.txt, and the residual
+    of each match, NAME_METHOD_residuals.txt. Exit status 3 means that the group may be due to chance; the
+    files are written all the same.
     """
     method = check_method(method)
     method_options = _method_options(method, tolerance)
@@ -159,16 +157,16 @@ def _write_files(
 
 
 def _refuse(found: Document) -> str | None:
-    """Say that chance could have made a group, if it could."""
+    """Return why a group is unreliable; None if it isn't, or if that is unknown."""
     if found["ok"] is None or found["ok"]:
         return None
     if found["why_no_pose"]:
         return found["why_no_pose"]
-    return f"chance could have made this group: {_count_by_chance(found['false_alarms'])}"
+    return f"this group may be due to chance: {_count_by_chance(found['false_alarms'])}"
 
 
 def _method_options(method: str, tolerance: float | str | None) -> dict[str, Any]:
-    """Return the options of the method that were given, or raise where it has none of the kind."""
+    """Return the given options of the method; raise `InputError` if it lacks one."""
     if tolerance is None:
         return {}
     having = [
@@ -183,7 +181,7 @@ def _method_options(method: str, tolerance: float | str | None) -> dict[str, Any
 
 
 def _results(matches: Correspondences, grouping: Grouping) -> Document:
-    """List what a document says of a group."""
+    """Return the results of a group for a document."""
     results: Document = {
         "selected": grouping.size,
         "indices": grouping.indices,
@@ -212,15 +210,15 @@ def _length(value: float, pr: float | None) -> str:
     return f"{value:.3g} ({float(f'{value / pr:.2g}'):g} pr)"  # 170, not 1.7e+02
 
 
-def _say_how_sure(found: Document, label: str) -> str:
-    """Say how far a group can be trusted; only some methods can tell."""
+def _reliability(found: Document, label: str) -> str:
+    """Describe how reliable a group is, as far as its method estimates it."""
     if found["ok"] is None:
-        return f"not known: {label} can't tell; --method lc does"
+        return f"unknown: {label} has no estimate; --method lc has"
     chance = _count_by_chance(found["false_alarms"])
-    return f"{'yes' if found['ok'] else 'no, it may be chance'}: {chance}"
+    return f"{'yes' if found['ok'] else 'no'}: {chance}"
 
 
 def _count_by_chance(expected: float | None) -> str:
-    """Say how many groups as good are to be expected: countless where a mirror image fits better."""
+    """Return the expected number of groups as good by chance; infinite if a mirror image fits better."""
     by_chance = "countless" if expected is None or not np.isfinite(expected) else f"{expected:.2g}"
-    return f"{by_chance} such groups are to be expected where no match is right"
+    return f"{by_chance} groups as good are expected from wrong matches alone"

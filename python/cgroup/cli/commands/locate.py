@@ -1,4 +1,4 @@
-"""``cgroup locate``: find where in a map a scan was taken."""
+"""``cgroup locate``: estimate the pose of a scan in a map."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from typing import Any
 
 from cgroup.cli import options
 from cgroup.cli.command import command, make_app
-from cgroup.cli.commands.register import placement_facts, registration_results
 from cgroup.cli.inputs import describe_cloud, read_cloud
-from cgroup.cli.options import Point, choice, option
-from cgroup.cli.pose_files import name_frames, name_of_pair, refuse_others, write_pose
+from cgroup.cli.options import Point, option
+from cgroup.cli.pair_files import name_frames, name_of_pair, refuse_others, write_pose
 from cgroup.cli.show.json import Document
+from cgroup.cli.show.registration import placement_facts, registration_results
 from cgroup.cli.show.tables import Column, print_table, show_length
 from cgroup.cli.show.terminal import print_clouds, print_facts, print_line, print_pose, show_stages
 from cgroup.errors import InputError
@@ -19,7 +19,7 @@ from cgroup.io._files import check_outputs
 from cgroup.io._results import Results, check_folder, make_folder
 from cgroup.maps.locate import as_disk
 from cgroup.maps.map_files import check_new
-from cgroup.registration import Effort, Registration
+from cgroup.registration import Registration
 from cgroup.scenes import PreparedMap, locate, prepare_map
 
 _PLACES = (Column("place"), Column("probability"), Column("x"), Column("y"), Column("z"))
@@ -28,13 +28,13 @@ app = make_app()
 
 
 def _print_places(document: Document, *, wide: bool) -> None:
-    """Print where a scan was located, from the document."""
+    """Print the places of a scan from the document."""
     done, places = document["results"], document["results"]["places"]
     print_clouds(document["inputs"])
     levels = ", ".join(f"{level['voxels']} of {level['voxel']:.4g}" for level in done["levels"])
     print_facts(("voxels", f"{levels} (in the files' unit, as all lengths)"))
     if places:
-        overlap = f"{100 * places[0]['fitness']:.0f} % of the scan lies on the map"
+        overlap = f"{100 * places[0]['fitness']:.0f} % of the scan overlaps the map"
         facts = placement_facts(places[0], document["inputs"][0]["centroid"])
         print_facts(
             ("places", "1" if len(places) == 1 else f"{len(places)} share the probability"),
@@ -44,7 +44,7 @@ def _print_places(document: Document, *, wide: bool) -> None:
     if done["ok"]:
         print_pose(places[0]["T_target_source"], document["inputs"][0], "scan", "map")
     if len(places) > 1:
-        print_line("where the origin of the scan's frame lies in the map")
+        print_line("origin of the scan's frame in the map")
         origins = [[show_length(row[3]) for row in place["T_target_source"][:3]] for place in places]
         chances = [f"{place['probability']:.3f}" for place in places]
         rows = [(str(row + 1), chances[row], *origin) for row, origin in enumerate(origins)]
@@ -66,33 +66,29 @@ def _check_new(name: str | None) -> Path | None:
     "cgroup locate scan1.ply --map city.laz --save-map city",
     "cgroup locate scan2.ply --map city --near 310 -42 0 --radius 20 --json",
     show=_print_places,
+    takes=("voxel", *options.VIEW, "effort"),
 )
 def locate_command(
-    scan: Path = options.argument("SCAN", f"Cloud to be located: {options.FORMATS}."),
+    scan: Path = options.argument("SCAN", f"Cloud to locate: {options.FORMATS}."),
     *,
     map: Path = option(..., "MAP", "Cloud, or a folder of --save-map.", options.CLOUDS),  # noqa: A002
-    voxel: float | None = option(None, "LENGTH", "Edge length of its voxels.", options.CLOUDS, "several"),
-    viewpoint: Point | None = option(
-        None, "X Y Z", "Where the scanner stood, if the scan is a single one.", options.CLOUDS
-    ),
-    view_direction: Point | None = option(
-        None, "X Y Z", "Where the scanner looked, where its place isn't known.", options.CLOUDS
-    ),
-    axis: Point | None = option(None, "X Y Z", "Direction that both share, as gravity's.", options.CLOUDS),
     near: Point | None = option(
-        None, "X Y Z", "Where the origin of the scan's frame lies in the map, about.", options.SEARCH
+        None, "X Y Z", "Approximate origin of the scan's frame in the map.", options.SEARCH
     ),
-    radius: float | None = option(None, "LENGTH", "How far from there.", options.SEARCH, "the scan's radius"),
-    effort: Effort = choice("normal", Effort, "How long to search in each place.", options.SEARCH),
+    radius: float | None = option(
+        None, "LENGTH", "Search radius around --near.", options.SEARCH, "the scan's radius"
+    ),
     out: Path = options.OUT,
     save_map: Path | None = option(
         None, "FOLDER", "Keep the prepared map here.", options.OUTPUT, parser=str, callback=_check_new
     ),
+    **shared: Any,
 ) -> Document:
-    """Find where in a map a scan was taken, or say that no place can be trusted (exit status 3).
+    """Estimate the pose of a scan in a map; exit status 3 if none is reliable.
 
-    Writes the pose, SCAN_in_MAP.txt. Places that share the probability, as where the map repeats, are listed.
+    Writes the pose, SCAN_in_MAP.txt. Where the map repeats, all places that share the probability are listed.
     """
+    voxel = shared.pop("voxel")
     pose, frames = out / f"{name_of_pair(scan, map, 'in')}.txt", name_frames(scan, map)
     results = Results(out, f"locate {pose.stem}")
     check_outputs([pose], [scan, map])
@@ -102,12 +98,11 @@ def locate_command(
     with show_stages() as begin:
         cloud = read_cloud(scan, begin)
         place, described = _open_map(map, voxel, save_map, begin)
-        view: dict[str, Any] = {"viewpoint": viewpoint, "view_direction": view_direction, "axis": axis}
-        found = locate(cloud, place, **view, near=near, radius=radius, effort=effort, progress=begin)
+        found = locate(cloud, place, **shared, near=near, radius=radius, progress=begin)
     with results.writing() as files:
         if is_found := bool(found) and found[0].ok:
             write_pose(pose, found[0].T_target_source, frames)
-    said: Document = {
+    parts: Document = {
         "inputs": [describe_cloud("scan", scan, cloud), described],
         "results": {
             "ok": is_found,
@@ -117,13 +112,14 @@ def locate_command(
         "files": [*files, *([save_map] if save_map else [])],
     }
     if not is_found:
-        is_viewed = not (viewpoint is view_direction is cloud.viewpoint is None)
-        said["refusal"] = _reason(found, is_near=near is not None, is_viewed=is_viewed)
-    return said
+        views = shared["viewpoint"], shared["view_direction"], cloud.viewpoint
+        is_viewed = any(view is not None for view in views)
+        parts["refusal"] = _reason(found, is_near=near is not None, is_viewed=is_viewed)
+    return parts
 
 
 def _open_map(file: Path, voxel: float | None, kept: Path | None, begin: Any) -> tuple[PreparedMap, Document]:
-    """Open a map that was kept, or prepare a cloud; return what a document says of it too."""
+    """Open a prepared map, or prepare a cloud; return its description for the document too."""
     if file.is_dir():
         for name, value in (("voxel", voxel), ("save_map", kept)):
             if value is not None:
@@ -140,13 +136,12 @@ def _open_map(file: Path, voxel: float | None, kept: Path | None, begin: Any) ->
 
 
 def _reason(found: list[Registration], *, is_near: bool, is_viewed: bool) -> str:
-    """Say why no place can be trusted, and what else could be given."""
+    """Return why no place is reliable, and which option may help."""
     if not found:
-        return "no place could be guessed" + ("; give a larger --radius" if is_near else "")
-    chance = f"right with a probability of {found[0].probability:.2f}"
+        return "no candidate place was found" + ("; give a larger --radius" if is_near else "")
+    chance = f"correct with a probability of {found[0].probability:.2f}"
     if len(found) > 1:
-        hint = "" if is_near else "; if its place is known roughly, give --near"
+        hint = "" if is_near else "; if the place is roughly known, give --near"
         return f"{len(found)} places look the same, and the best is {chance}{hint}"
-    hint = "" if is_viewed else "; if it is one single scan, say where the scanner stood: --viewpoint"
-    laid = f"it lays {100 * found[0].fitness:.0f} % of the scan on the map"
-    return f"the best place is {chance} only: {laid}{hint}"
+    overlap = f"{100 * found[0].fitness:.0f} % of the scan overlaps the map"
+    return f"the best place is {chance} only: {overlap}{'' if is_viewed else options.GIVE_VIEWPOINT}"

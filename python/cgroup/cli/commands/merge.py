@@ -1,4 +1,4 @@
-"""``cgroup merge``: many scans in, one scene out."""
+"""``cgroup merge``: register many scans into one scene."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import typer
 from cgroup._show.words import counted
 from cgroup.cli import options
 from cgroup.cli.command import command, identify_run, make_app
-from cgroup.cli.options import Point, choice, option
+from cgroup.cli.options import option
 from cgroup.cli.show.json import Document
 from cgroup.cli.show.tables import Column, print_table, show_length
 from cgroup.cli.show.terminal import print_facts, print_line, show_stages, write_figure
@@ -23,10 +23,9 @@ from cgroup.io._attributes import unkept_attributes
 from cgroup.io._files import check_outputs
 from cgroup.io._folders import find_clouds
 from cgroup.io._results import Results, make_folder
-from cgroup.registration import Effort
 from cgroup.registration.covariance import deviations_at
 from cgroup.rigid import apply
-from cgroup.scenes import Edge, Scene, register_all
+from cgroup.scenes import Scene, register_all
 from cgroup.scenes.scene import cloud_of
 
 _SCANS = (
@@ -45,20 +44,26 @@ _EDGES = (
     Column("reason", is_text=True),
 )
 
+_EDGE_KEYS = (
+    *("source", "target", "T_target_source", "probability", "covariance", "fitness", "target_fitness"),
+    *("kept", "residual", "reason"),
+)
+"""Attributes of an edge that a document has."""
+
 _MOST_EDGES = 40
-"""Edges that are printed; those dropped and those of the greatest residual come first."""
+"""Edges that are printed: dropped ones first, then by residual."""
 
 _POSES, _GRAPH, _MERGED, _PICTURE = "poses.tum", "graph.g2o", "merged.ply", "scene.png"
 _PAGE, _PAIRS = "scene.html", "pairs.sqlite"
 _FILES = {
-    _POSES: "pose of each scan in the frame of the first of its component",
-    _GRAPH: "the edges that were kept",
-    _MERGED: "the scans as one cloud",
-    _PICTURE: "a picture",
-    _PAGE: "a page for the browser",
+    _POSES: "pose of each scan in the frame of its component's first scan",
+    _GRAPH: "kept edges",
+    _MERGED: "all scans as one cloud",
+    _PICTURE: "picture",
+    _PAGE: "interactive page",
     _PAIRS: "finished pairs, for another run",
 }
-"""What is written, of a second component poses_2.tum and so on."""
+"""Contents of the files; those of a second component are poses_2.tum and so on."""
 
 app = make_app()
 
@@ -93,8 +98,8 @@ def _print_scene(document: Document, *, wide: bool) -> None:
     unkept = list(dict.fromkeys(name for one in document["inputs"] for name in one["not_kept"]))
     print_facts(
         ("components", ", ".join(counted(len(rows), "scan") for rows in done["components"])),
-        ("pairs", f"{done['tried']} tried; of the edges {kept} kept, {len(edges) - kept} dropped"),
-        ("sd", "standard deviation of a scan's turn, and of the place of its middle"),
+        ("pairs", f"{done['tried']} tried; edges: {kept} kept, {len(edges) - kept} dropped"),
+        ("sd", "standard deviation of a scan's rotation, and of the position of its middle"),
         ("voxel", f"{done['voxel']:.4g} (in the files' unit, as all lengths)"),
         ("time", f"{sum(done['seconds'].values()):.2f} s"),
         *(("note", note) for note in done["notes"]),
@@ -118,7 +123,7 @@ def _chance(value: float | None) -> str:
 
 
 def _first_name(file: Path) -> str:
-    """Return what the same file of the first component is called."""
+    """Return the name of the same file of the first component."""
     return f"{file.stem.partition('_')[0]}{file.suffix}"
 
 
@@ -133,6 +138,7 @@ def _first_name(file: Path) -> str:
     "# hundreds of scans, on a Dask cluster",
     "cgroup merge *.ply --scheduler tcp://10.0.0.1:8786 --out scene --json",
     show=_print_scene,
+    takes=("voxel", *options.VIEW, "effort"),
 )
 def merge_command(
     context: typer.Context,
@@ -141,51 +147,25 @@ def merge_command(
         f"Scans in one unit, each in its own frame, in any order; or a folder of them: {options.FORMATS}.",
     ),
     *,
-    voxel: float | None = option(
-        None,
-        "LENGTH",
-        "Edge length of the voxels, in the files' unit; all radii are multiples of it.",
-        options.CLOUDS,
-        "suits the scans",
-    ),
-    viewpoint: Point | None = option(
-        None,
-        "X Y Z",
-        "Where the scanner stood in every file, if each is one single scan: tells far more.",
-        options.CLOUDS,
-        "as the files say, if they do",
-    ),
-    view_direction: Point | None = option(
-        None,
-        "X Y Z",
-        "Where the scanner looked, in every file, where its place isn't known.",
-        options.CLOUDS,
-    ),
-    axis: Point | None = option(
-        None,
-        "X Y Z",
-        "Direction that all scans share, such as gravity; poses may tilt it by 10 degrees.",
-        options.CLOUDS,
-    ),
-    effort: Effort = choice("normal", Effort, "How long to search where a pose is not sure.", options.SEARCH),
     scheduler: str | None = option(
         None,
         "ADDRESS",
-        "Dask scheduler whose workers register the pairs; local: one within this process.",
+        "Dask scheduler whose workers register the pairs; local: one in this process.",
         "Machines",
         "this process",
     ),
     threads: int | None = option(None, "COUNT", "Threads to compute on.", "Machines", "all cores", min=1),
     out: Path = options.OUT,
     html: bool = options.HTML,
+    **shared: Any,
 ) -> Document:
-    """Place many scans in one scene, or in several where they don't hang together (exit status 3).
+    """Register many scans into one scene; exit status 3 if they are not all connected.
 
-    A scan that can't be read, is empty, or has another unit than the others is left out (exit status 3).
+    A scan that is unreadable, empty, or in another unit is left out (exit status 3).
 
-    Writes the poses, the graph of edges, the merged cloud and a picture of each component of two scans or
-    more: poses.tum, graph.g2o, merged.ply, scene.png; of a second one poses_2.tum and so on. What is finished
-    stays in pairs.sqlite, and a run that was killed goes on from there.
+    Writes the poses, the graph of edges, the merged cloud and a picture of each component of at least two
+    scans: poses.tum, graph.g2o, merged.ply, scene.png; of a second component poses_2.tum and so on. Finished
+    pairs are kept in pairs.sqlite, from which a killed run continues.
     """
     scans = find_clouds("CLOUD", scans)
     check_outputs(_all_files(out, len(scans)), scans)
@@ -195,11 +175,7 @@ def merge_command(
         scene = register_all(
             scans,
             names=_names_of(scans),
-            viewpoint=viewpoint,
-            view_direction=view_direction,
-            axis=axis,
-            voxel=voxel,
-            effort=effort,
+            **shared,
             keep=out / _PAIRS,
             scheduler=scheduler,
             threads=threads,
@@ -211,12 +187,12 @@ def merge_command(
         results.check(_files_of(out, several, html=html))
         with results.writing(identify_run(context)) as files:
             _write(scene, out, several, html=html)
-    said: Document = {
+    parts: Document = {
         "inputs": [{"role": "scan", "file": file, **one} for file, one in zip(scans, placed[0], strict=True)],
         "results": {
             "components": scene.components,
             "scans": placed[1],
-            "edges": [_describe_edge(edge) for edge in scene.edges],
+            "edges": [{key: getattr(edge, key) for key in _EDGE_KEYS} for edge in scene.edges],
             "tried": scene.tried,
             "voxel": scene.voxel,
             "notes": scene.notes,
@@ -225,12 +201,12 @@ def merge_command(
         "files": [*files, *([out / _PAIRS] if (out / _PAIRS).exists() else [])],
     }
     if refusal := _refuse(scene, has_viewpoint=is_given(context, "viewpoint")):
-        said["refusal"] = refusal
-    return said
+        parts["refusal"] = refusal
+    return parts
 
 
 def _refuse(scene: Scene, *, has_viewpoint: bool) -> str:
-    """Say which scans were left out, and that there is more than one component; "" where all is one."""
+    """Return which scans were left out and how many components there are; "" if all are connected."""
     placed = {row for rows in scene.components for row in rows}
     left_out = [name for row, name in enumerate(scene.names) if row not in placed]
     reasons: list[str] = []
@@ -238,18 +214,18 @@ def _refuse(scene: Scene, *, has_viewpoint: bool) -> str:
         names = ", ".join(left_out[:5]) + (", ..." if len(left_out) > 5 else "")
         reasons.append(f"{len(left_out)} of {counted(len(scene.names), 'scan')} left out ({names})")
     if len(scene.components) > 1:
-        hint = (
-            "" if has_viewpoint else "; if each is one single scan, say where the scanner stood: --viewpoint"
-        )
+        hint = "" if has_viewpoint else options.GIVE_VIEWPOINT
         sizes = ", ".join(counted(len(rows), "scan") for rows in scene.components[:5])
         more = ", ..." if len(scene.components) > 5 else ""
-        reasons.append(f"the scans make {len(scene.components)} components ({sizes}{more}), not one{hint}")
+        reasons.append(
+            f"not all scans are connected: {len(scene.components)} components ({sizes}{more}){hint}"
+        )
     return "; ".join(reasons)
 
 
 @contextmanager
 def _folder_if_needed(folder: Path) -> Generator[None]:
-    """Make the folder, which takes finished pairs, and remove it where nothing came into it."""
+    """Make the folder for finished pairs; remove it again if it stays empty."""
     was_there = folder.exists()
     make_folder(folder)
     try:
@@ -262,7 +238,7 @@ def _folder_if_needed(folder: Path) -> Generator[None]:
 
 
 def _names_of(files: Sequence[Path]) -> list[str]:
-    """Return the names of files, with their folders where two are called the same."""
+    """Return the names of files, as whole paths if two names are equal."""
     count = Counter(file.name for file in files)
     return [file.name if count[file.name] == 1 else str(file) for file in files]
 
@@ -285,7 +261,7 @@ def _file(folder: Path, name: str, component: int) -> Path:
 
 
 def _describe(scene: Scene, files: Sequence[Path], begin: Any) -> tuple[list[Document], list[Document]]:
-    """List what a document says of the files, and of the scans."""
+    """Return the inputs and the scans for a document."""
     component = {row: k for k, rows in enumerate(scene.components) for row in rows}
     inputs: list[Document] = []
     scans: list[Document] = []
@@ -317,21 +293,6 @@ def _describe_scan(
         "covariance": None if component is None else scene.covariance[row],
         "deviation_deg": deviations[0],
         "deviation": deviations[1],
-    }
-
-
-def _describe_edge(edge: Edge) -> Document:
-    return {
-        "source": edge.source,
-        "target": edge.target,
-        "T_target_source": edge.T_target_source,
-        "probability": edge.probability,
-        "covariance": edge.covariance,
-        "fitness": edge.fitness,
-        "target_fitness": edge.target_fitness,
-        "kept": edge.kept,
-        "residual": edge.residual,
-        "reason": edge.reason,
     }
 
 

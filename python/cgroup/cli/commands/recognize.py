@@ -1,11 +1,11 @@
-"""``cgroup recognize``: find models in a scene."""
+"""``cgroup recognize``: detect models in a scene."""
 
 from __future__ import annotations
 
 import itertools
 from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -14,21 +14,19 @@ from cgroup._checks.arrays import in_double
 from cgroup.cli import options
 from cgroup.cli.command import command, make_app
 from cgroup.cli.inputs import describe_cloud, read_cloud
-from cgroup.cli.options import Point, argument, option
-from cgroup.cli.pose_files import name_frames, name_of_pair, refuse_others, write_pose
+from cgroup.cli.options import argument, option
+from cgroup.cli.pair_files import name_frames, name_of_pair, refuse_others, write_pose
 from cgroup.cli.show.json import Document
 from cgroup.cli.show.tables import Column, print_table, show_length
 from cgroup.cli.show.terminal import print_clouds, print_facts, print_files, show_stages
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.io._files import check_outputs
 from cgroup.io._results import Results
-from cgroup.registration import recognize
+from cgroup.registration import Registration, recognize
 from cgroup.registration.motions import say_direction
 from cgroup.rigid import apply, rotation_error
 from cgroup.rigid.transforms import axis_of
-
-if TYPE_CHECKING:
-    from cgroup.types import FloatArray, RealArray
+from cgroup.types import FloatArray, PointCloud, RealArray
 
 _COLUMNS = (
     Column("model", is_text=True),
@@ -42,7 +40,7 @@ app = make_app()
 
 
 def _print_models(document: Document, *, wide: bool) -> None:
-    """Print which models are in the scene, from the document."""
+    """Print the detected models from the document."""
     results = document["results"]
     print_clouds(document["inputs"][:1])
     rows: list[tuple[str, ...]] = []
@@ -56,7 +54,7 @@ def _print_models(document: Document, *, wide: bool) -> None:
             rows.append((name, which, *numbers))
     print_table(_COLUMNS, rows, wide=wide)
     if results["found"]:
-        print_facts(*((Path(one["file"]).stem, _say_place(one)) for one in results["found"]))
+        print_facts(*((Path(one["file"]).stem, _describe_place(one)) for one in results["found"]))
         print_facts(
             ("voxel", f"{results['voxel']:.4g} (in the files' unit, as all lengths)"),
             ("time", f"{results['seconds']:.2f} s"),
@@ -64,11 +62,11 @@ def _print_models(document: Document, *, wide: bool) -> None:
         print_files(document)
 
 
-def _say_place(one: Document) -> str:
-    """Return where the middle of a model is in the scene, and how the model is turned."""
+def _describe_place(one: Document) -> str:
+    """Describe the middle and the rotation of a model in the scene."""
     pose, middle = np.array(one["T_target_source"]), ", ".join(show_length(value) for value in one["middle"])
     turn = f"{rotation_error(pose, np.eye(4)):.3g} degrees about the axis {say_direction(axis_of(pose))}"
-    return f"its middle at ({middle}), turned by {turn}"
+    return f"middle at ({middle}), rotated by {turn}"
 
 
 @command(
@@ -76,40 +74,26 @@ def _say_place(one: Document) -> str:
     "recognize",
     "cgroup recognize chef.ply T-rex.ply --scene scan.ply --viewpoint 0 0 0",
     "",
-    "# how many bolts, and where",
+    "# number and poses of bolts",
     "cgroup recognize bolt.stl --scene box.pcd --voxel 0.002 --json",
     show=_print_models,
+    takes=("voxel", "viewpoint", "view_direction"),
 )
 def recognize_command(
     models: list[Path] = argument(
         "MODEL", f"Whole models, in the scene's unit; meshes are best: {options.FORMATS}."
     ),
     *,
-    scene: Path = option(..., "CLOUD", "What they are looked for in.", options.CLOUDS),
-    voxel: float | None = option(
-        None,
-        "LENGTH",
-        "Edge length of the voxels, in the files' unit.",
-        options.CLOUDS,
-        "leaves about 10,000 voxels",
-    ),
-    viewpoint: Point | None = option(
-        None,
-        "X Y Z",
-        "Where the scanner stood, if the scene is one single scan: tells far more.",
-        options.CLOUDS,
-    ),
-    view_direction: Point | None = option(
-        None, "X Y Z", "Where the scanner looked, where its place isn't known.", options.CLOUDS
-    ),
+    scene: Path = option(..., "CLOUD", "Scene to search.", options.CLOUDS),
     most: int | None = option(
-        None, "COUNT", "Copies of each model to look for.", options.SEARCH, "any number", min=1
+        None, "COUNT", "Largest number of copies per model.", options.SEARCH, "no limit", min=1
     ),
     out: Path = options.OUT,
     as_json: bool = options.JSON,
     wide: bool = options.WIDE,
+    **shared: Any,
 ) -> Document:
-    """Say which models are in a scene, and where (exit status 3 if none is).
+    """Detect models in a scene and estimate their poses; exit status 3 if none is found.
 
     Writes the pose and the posed cloud of each model found: MODEL_in_SCENE.txt and MODEL_in_SCENE.ply; of
     further copies MODEL_in_SCENE-2.txt and so on.
@@ -122,54 +106,32 @@ def recognize_command(
     with show_stages() as begin:
         clouds = {name: read_cloud(file, begin) for name, file in files.items()}
         target = read_cloud(scene, begin)
-        results = {name: Results(out, f"recognize {_stem(file, scene, 1)}") for name, file in files.items()}
-        for name, file in files.items():
-            first = _files_of(out, file, scene, 1)
-            check_outputs(first)
-            refuse_others(first[:1], name_frames(file, scene))
-            results[name].check(first)
-        found = recognize(
-            clouds,
-            target,
-            voxel=voxel,
-            viewpoint=viewpoint,
-            view_direction=view_direction,
-            most=most,
-            progress=begin,
-        )
-    by_model = {name: [one for other, one in found if other == name] for name in files}
-    outputs = {
-        name: [_files_of(out, files[name], scene, copy) for copy in range(1, 1 + len(copies))]
-        for name, copies in by_model.items()
-    }
-    for name, pairs in outputs.items():
-        results[name].check(itertools.chain.from_iterable(pairs))
-    for name, copies in by_model.items():
+        results = {name: _outputs_of(out, file, scene) for name, file in files.items()}
+        found = recognize(clouds, target, **shared, most=most, progress=begin)
+    copies: Counter[str] = Counter()
+    written: list[tuple[Path, Path]] = []
+    for name, _ in found:
+        copies[name] += 1
+        written.append(_files_of(out, files[name], scene, copies[name]))
+    by_model = {name: [k for k, (other, _) in enumerate(found) if other == name] for name in files}
+    for name, rows in by_model.items():
+        results[name].check(file for k in rows for file in written[k])
+    for name, rows in by_model.items():
         with results[name].writing():
-            for one, (pose, posed) in zip(copies, outputs[name], strict=True):
-                write_pose(pose, one.T_target_source, name_frames(files[name], scene))
-                io.write_cloud(posed, clouds[name].transformed(one.T_target_source))
-    left = {name: iter(pairs) for name, pairs in outputs.items()}
-    written = [next(left[name]) for name, _ in found]
-    poses = [
-        {
-            "model": name,
-            "file": pose.name,
-            "T_target_source": one.T_target_source,
-            "middle": apply(one.T_target_source, _middle(clouds[name].points)[None])[0],
-            "probability": one.probability,
-            "fitness": one.fitness,
-            "inlier_rmse": one.inlier_rmse,
-        }
-        for (name, one), (pose, _) in zip(found, written, strict=True)
-    ]
-    said: Document = {
+            for k in rows:
+                (pose, posed), T_target_source = written[k], found[k][1].T_target_source
+                write_pose(pose, T_target_source, name_frames(files[name], scene))
+                io.write_cloud(posed, clouds[name].transformed(T_target_source))
+    parts: Document = {
         "inputs": [
             describe_cloud("scene", scene, target),
             *(describe_cloud("model", file, clouds[name]) for name, file in files.items()),
         ],
         "results": {
-            "found": poses,
+            "found": [
+                _describe(name, one, pose.name, clouds[name])
+                for (name, one), (pose, _) in zip(found, written, strict=True)
+            ],
             "not_found": [name for name in clouds if not by_model[name]],
             "voxel": found[0][1].voxel if found else None,
             "seconds": sum(found[0][1].seconds.values()) if found else None,
@@ -178,11 +140,34 @@ def recognize_command(
     }
     if not found:
         if not as_json:  # an error is an object of its own
-            _print_models(said, wide=wide)
-        hint = "; if the scene is one single scan, say where the scanner stood: --viewpoint"
-        message = f"none of the models was found in {scene.name}{'' if viewpoint else hint}"
+            _print_models(parts, wide=wide)
+        hint = "" if shared["viewpoint"] else options.GIVE_VIEWPOINT
+        message = f"no model was found in {scene.name}{hint}"
         raise NoConsensusError(message)
-    return said
+    return parts
+
+
+def _outputs_of(folder: Path, model: Path, scene: Path) -> Results:
+    """Return the results of a model, having checked that the files of its first copy can be written."""
+    first = _files_of(folder, model, scene, 1)
+    check_outputs(first)
+    refuse_others(first[:1], name_frames(model, scene))
+    results = Results(folder, f"recognize {_stem(model, scene, 1)}")
+    results.check(first)
+    return results
+
+
+def _describe(model: str, found: Registration, file: str, cloud: PointCloud) -> Document:
+    """Return the description of a copy for a document."""
+    return {
+        "model": model,
+        "file": file,
+        "T_target_source": found.T_target_source,
+        "middle": apply(found.T_target_source, _middle(cloud.points)[None])[0],
+        "probability": found.probability,
+        "fitness": found.fitness,
+        "inlier_rmse": found.inlier_rmse,
+    }
 
 
 def _middle(points: RealArray) -> FloatArray:
@@ -191,11 +176,11 @@ def _middle(points: RealArray) -> FloatArray:
 
 
 def _stem(model: Path, scene: Path, copy: int) -> str:
-    """Return what the files of a copy are called."""
+    """Return the stem of a copy's files."""
     return name_of_pair(model, scene, "in") + (f"-{copy}" if copy > 1 else "")
 
 
 def _files_of(folder: Path, model: Path, scene: Path, copy: int) -> tuple[Path, Path]:
-    """Return where the pose and the posed cloud of a copy go."""
+    """Return the files of a copy: its pose and its posed cloud."""
     stem = _stem(model, scene, copy)
     return folder / f"{stem}.txt", folder / f"{stem}.ply"

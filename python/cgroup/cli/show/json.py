@@ -1,7 +1,6 @@
-"""Results as documents: one JSON object per command, whose keys stay what they are.
+"""Documents: one JSON object per command, with stable keys.
 
-``docs/command-line.md`` lists the keys. A key is never given another meaning or taken away without a new
-`SCHEMA_VERSION`; new ones may come.
+``docs/command-line.md`` lists the keys. Removing a key or changing its meaning needs a new `SCHEMA_VERSION`.
 """
 
 from __future__ import annotations
@@ -23,20 +22,20 @@ Document = dict[str, Any]
 
 
 def make_document(command: str, /, **parts: Any) -> Document:
-    """Put a document together; arrays become lists, numbers that aren't finite None, paths text."""
+    """Make a document; arrays become lists, non-finite numbers None, paths text."""
     head = {"schema_version": SCHEMA_VERSION, "cgroup_version": __version__, "command": command}
     return {**head, **_plain(parts)}
 
 
 def print_document(document: Document) -> None:
-    """Print a document, and nothing else."""
+    """Print a document as JSON."""
     print_text(as_text(document))
 
 
 def as_text(document: Mapping[str, Any]) -> str:
-    """Return a document as JSON, in ASCII: short lists on one line, all else indented.
+    """Return a document as JSON in ASCII: short lists on one line, the rest indented.
 
-    Lone surrogates, which names of files have that are no UTF-8, become text as a terminal shows them.
+    Lone surrogates, from file names that are not UTF-8, become escaped text.
     """
     return _layout(document, "")
 
@@ -54,14 +53,14 @@ def _layout(value: Any, indent: str) -> str:
 
 
 def _in_unicode(value: Any) -> Any:
-    """Return a text, or a list, without lone surrogates: many readers of JSON refuse them."""
+    """Return a text, or a list, without lone surrogates, which many JSON readers refuse."""
     if isinstance(value, list):
         return [_in_unicode(item) for item in value]
     return value.encode("utf-8", "backslashreplace").decode("utf-8") if isinstance(value, str) else value
 
 
 def _plain(value: Any) -> Any:
-    """Return a value that JSON has."""
+    """Return a value of a JSON type."""
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     if isinstance(value, float) and not math.isfinite(value):

@@ -1,4 +1,4 @@
-"""Tables as wide as the terminal, 80 columns where there is none: whole columns go, rows never wrap."""
+"""Tables that fit the terminal: whole columns are dropped, rows never wrap."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from cgroup._checks.quoting import escape
 from cgroup.cli.show.terminal import paint, print_line, print_prose, print_text, terminal_width
 
 UNKNOWN = "-"
-"""Stands for what isn't known."""
+"""Cell of an unknown value."""
 
 _GAP = 2
 _LEAST_TEXT = 12
-"""Width that a column of text keeps, at least."""
+"""Least width of a column of text."""
 
 
 @dataclass(frozen=True)
 class Column:
-    """A column: words begin at the left and may be cut; numbers end at the right.
+    """A column: text is left-aligned and may be cut, numbers are right-aligned.
 
-    Where the width doesn't suffice, columns of the highest priority go first; those of 0 stay.
+    If the width doesn't suffice, columns of the highest `priority` are dropped first; those of 0 stay.
     """
 
     header: str
@@ -37,7 +37,7 @@ def print_table(
     best: Collection[tuple[int, int]] = (),
     wide: bool = False,
 ) -> None:
-    """Print a table, and say what was left out of it; the best cells, (row, column), stand out."""
+    """Print a table, and name the dropped columns; the best cells, (row, column), are highlighted."""
     from rich.cells import cell_len  # noqa: PLC0415 - slow to load
 
     columns = [replace(column, header=escape(column.header)) for column in columns]
@@ -47,10 +47,10 @@ def print_table(
         for at, column in enumerate(columns)
     ]
     shown, is_cut = (list(range(len(columns))), False) if wide else _fit(columns, widths, terminal_width())
-    lines = [[_lay_out(columns[at].header, columns[at], widths[at], bold=True) for at in shown]]
+    lines = [[_pad(columns[at].header, columns[at], widths[at], bold=True) for at in shown]]
     for number, row in enumerate(cells):
         styles = {at: {"bold": True, "fg": "green"} if (number, at) in best else {} for at in shown}
-        lines.append([_lay_out(row[at], columns[at], widths[at], **styles[at]) for at in shown])
+        lines.append([_pad(row[at], columns[at], widths[at], **styles[at]) for at in shown])
     print_text("\n".join((" " * _GAP).join(line).rstrip() for line in lines))
     left_out = [column.header for at, column in enumerate(columns) if at not in shown]
     if left_out:
@@ -60,7 +60,7 @@ def print_table(
 
 
 def _fit(columns: Sequence[Column], widths: list[int], room: int) -> tuple[list[int], bool]:
-    """Choose the columns that fit, narrow those of text in place; return them, and whether any is."""
+    """Choose columns that fit, and narrow text columns in place; return them, and whether any is cut."""
     shown = list(range(len(columns)))
 
     def excess() -> int:
@@ -75,8 +75,8 @@ def _fit(columns: Sequence[Column], widths: list[int], room: int) -> tuple[list[
     return shown, is_cut
 
 
-def _lay_out(text: str, column: Column, width: int, **style: object) -> str:
-    """Return a cell of a width; the end of a text that is too wide is plain dots, which every output has."""
+def _pad(text: str, column: Column, width: int, **style: object) -> str:
+    """Return a cell of a given width; the end of a longer text becomes three dots."""
     from rich.cells import cell_len, set_cell_size  # noqa: PLC0415 - slow to load
 
     if cell_len(text) > width:
@@ -87,7 +87,7 @@ def _lay_out(text: str, column: Column, width: int, **style: object) -> str:
 
 
 def show_value(value: object, form: str = ".3g") -> str:
-    """Return a value of a document as text; numbers with a fraction in the form that is asked for."""
+    """Return a value of a document as text; `form` is for floats."""
     if value is None:
         return UNKNOWN
     if isinstance(value, bool):
@@ -96,7 +96,7 @@ def show_value(value: object, form: str = ".3g") -> str:
 
 
 def show_length(value: float | None, digits: int = 3) -> str:
-    """Return a length of a document with so many digits, and without an exponent."""
+    """Return a length with so many digits, without an exponent."""
     if value is None:
         return UNKNOWN
     return np.format_float_positional(value, precision=digits, unique=False, fractional=False, trim="-")

@@ -1,4 +1,4 @@
-"""Print lines, facts and poses, in colours where they are supported; show progress; write pictures."""
+"""Print lines, facts and poses, in colours if supported; show progress; write pictures."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.progress import Progress
 
-_NAMES_WIDTH = 12  # of the names that facts begin with
-_SILENT = 15.0  # seconds between two lines of progress
+_NAMES_WIDTH = 12  # of names of facts
+_SILENT = 15.0  # seconds between lines of progress
 
 
 def paint(text: str, **style: Any) -> str:
-    """Return a text in a style, as `typer.style` takes it, or as it is where there are no colours."""
+    """Return a text in a style of `typer.style`, or unchanged without colours."""
     return typer.style(text, **style) if wants_colors() else text
 
 
@@ -43,18 +43,18 @@ def wants_colors() -> bool:
 
 
 def print_line(line: str) -> None:
-    """Print one line, with escapes for what would not be one."""
+    """Print one line, with control characters escaped."""
     print_text(escape(line))
 
 
 def print_text(text: str) -> None:
-    """Print a text of any number of lines as it is."""
+    """Print a text of any number of lines unchanged."""
     sys.stdout.write(text + "\n")
-    sys.stdout.flush()  # whoever reads along sees it, and errors come up here
+    sys.stdout.flush()  # for live readers, and so that errors are raised here
 
 
 def print_prose(text: str, indent: str = "") -> None:
-    """Print sentences, as wide as the terminal; further lines are indented, names are never broken."""
+    """Print wrapped sentences; further lines are indented, words are never broken."""
     lines = textwrap.fill(
         escape(text),
         max(terminal_width(), 2 * _NAMES_WIDTH),
@@ -66,7 +66,7 @@ def print_prose(text: str, indent: str = "") -> None:
 
 
 def print_facts(*facts: tuple[str, str]) -> None:
-    """Print names and what there is to say about them, one below the other."""
+    """Print names and values, one per line."""
     for name, text in facts:
         print_prose(f"{name:<{_NAMES_WIDTH - 1}} {text}", " " * _NAMES_WIDTH)
 
@@ -74,44 +74,44 @@ def print_facts(*facts: tuple[str, str]) -> None:
 def print_pose(
     pose: Iterable[Sequence[float]], moved: Mapping[str, Any], source: str = "source", target: str = "target"
 ) -> None:
-    """Print a transform, row by row, so that it reproduces where it moves a cloud of a document."""
+    """Print a transform by rows, with the digits that a cloud of a document needs."""
     print_line(f"pose of the {source} in the {target}'s frame")
     for line in pose_lines(list(pose), moved.get("centroid"), moved.get("extent")):
         print_line(f"  {line}")
 
 
 def print_clouds(inputs: Iterable[Mapping[str, Any]]) -> None:
-    """Print how many points each cloud of a document has."""
+    """Print the number of points of each cloud in a document."""
     for cloud in inputs:
         dropped = cloud["dropped"]
-        left_out = f", {dropped} more without finite coordinates left out" if dropped else ""
-        unkept = cloud.get("not_kept") or ()  # older documents have none
-        lost = f"; {', '.join(unkept)}: neither used nor kept" if unkept else ""
+        left_out = f", {dropped} without finite coordinates left out" if dropped else ""
+        unkept = cloud.get("not_kept", ())  # a prepared map has none
+        lost = f"; {', '.join(unkept)}: neither used nor written" if unkept else ""
         print_facts((cloud["role"], f"{cloud['file']}: {cloud['points']} points{left_out}{lost}"))
 
 
 def print_files(document: Mapping[str, Any]) -> None:
-    """Print which files a command has written, all in one folder."""
+    """Print the files that a command has written, all in one folder."""
     files = [Path(file) for file in document["files"]]
     if files:
         print_prose(f"wrote {', '.join(file.name for file in files)} to {files[0].parent}/", "  ")
 
 
 def terminal_width() -> int:
-    """Return how many columns there are to print in: 80 where the output isn't a terminal."""
+    """Return the number of columns: 80 if the output isn't a terminal."""
     return shutil.get_terminal_size((80, 24)).columns
 
 
 def shown_name(path: Path) -> str:
-    """Return the name of a file for titles and tables: printable, and no formula to matplotlib."""
+    """Return the name of a file for titles: printable, and escaped for matplotlib."""
     return escape(path.name).replace("$", r"\$")
 
 
 @contextmanager
 def show_progress(*, counts: bool) -> Generator[Progress | None, None, None]:
-    """Show progress on a terminal, gone when it is over; None where nothing can be overwritten.
+    """Show progress on a terminal until it ends; yield None if standard error isn't one.
 
-    Tasks are shown by their counts and the time that is left, or with the time that they have taken.
+    Tasks are shown with counts and the remaining time, or with the elapsed time.
     """
     if not sys.stderr.isatty() or os.environ.get("TERM") == "dumb":
         yield None
@@ -132,20 +132,20 @@ def show_progress(*, counts: bool) -> Generator[Progress | None, None, None]:
 
 @contextmanager
 def show_stages(*, piped: bool = False) -> Generator[Callable[[str], None], None, None]:
-    """Show what is being done and for how long; call what is yielded with the name of each stage.
+    """Show the current stage and its time; yield the function to call with the name of each stage.
 
-    Where nothing can be overwritten nothing is shown, or if `piped` a line on standard error now and then.
+    Without a terminal nothing is shown, or, if `piped`, a line on standard error every 15 seconds.
     """
     with show_progress(counts=False) as progress:
         if progress is None:
-            yield _write_now_and_then() if piped else ignore_progress
+            yield _write_at_intervals() if piped else ignore_progress
             return
         task = progress.add_task("", total=None)
         yield lambda stage: progress.update(task, description=escape(stage))
 
 
-def _write_now_and_then() -> Callable[[str], None]:
-    """Return what writes the name of a stage to standard error, unless one was written shortly before."""
+def _write_at_intervals() -> Callable[[str], None]:
+    """Return a function that writes the name of a stage to standard error every `_SILENT` seconds."""
     lock, begun = Lock(), monotonic()
     written = begun
 

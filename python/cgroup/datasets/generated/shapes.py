@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cgroup.datasets.generated.scanner import Mesh
-from cgroup.rigid.transforms import turn
 from cgroup.datasets.voxels import voxel_means
+from cgroup.rigid.transforms import turn
 from cgroup.types import FloatArray, IndexArray
 
 RADIUS = 50.0

@@ -1,0 +1,143 @@
+"""Files of a pair of clouds: named after both, so that several pairs can share a folder."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from cgroup import io
+from cgroup._checks.quoting import escape
+from cgroup.cli.show.registration import Clouds
+from cgroup.cli.show.terminal import print_facts, print_line, shown_name, write_figure
+from cgroup.errors import InputError
+from cgroup.io._files import check_outputs, number_lines
+from cgroup.io._results import Results
+from cgroup.registration import Registration
+from cgroup.types import FloatArray
+
+_LONGEST = 100
+"""Bytes of a cloud's name in that of a file; file systems allow some 255 in all."""
+
+_POSE, _ALIGNED, _MATCHES, _MERGED, _PAGE = ".txt", "_aligned.ply", ".npz", "_merged.ply", ".html"
+_FILES = {
+    _POSE: "pose",
+    _ALIGNED: "source in the target's frame",
+    _MERGED: "both clouds merged",
+    _MATCHES: "matches",
+    ".png": "picture",
+    _PAGE: "interactive page",
+}
+"""Contents of the files, by the end of the name."""
+
+_MORE = {
+    _PAGE: "--html writes an interactive page",
+    _MERGED: "--merged writes both clouds as one",
+}
+"""Options that write more."""
+
+
+def name_of_pair(source: Path, target: Path, how: str = "on") -> str:
+    """Return the common beginning of the names of a pair's files."""
+    names = (os.fsencode(file.stem)[:_LONGEST].decode(errors="ignore") for file in (source, target))
+    return f"_{how}_".join(names)
+
+
+def name_frames(source: Path, target: Path) -> str:
+    """Return the comment by which the file of a pose identifies its pair."""
+    places = (escape(os.path.abspath(file)) for file in (source, target))  # noqa: PTH100 - links stay
+    return "# pose of {} in the frame of {}".format(*places)
+
+
+def write_pose(file: Path, pose: FloatArray, frames: str) -> None:
+    """Write a pose, exact to the last bit, and the comment of `name_frames`."""
+    io.write_file(file, "\n".join([*number_lines(pose), frames, ""]).encode())
+
+
+def refuse_others(files: Iterable[Path], frames: str) -> None:
+    """Raise `InputError` for an existing file that isn't the pose of this pair."""
+    for file in files:
+        if file.is_file() and frames not in file.read_text(encoding="utf-8", errors="replace").splitlines():
+            message = f"{file}: is not the pose of these clouds; rename it, or give another --out"
+            raise InputError(message)
+
+
+def print_pair_files(files: Sequence[Path]) -> None:
+    """Print which files were written, their contents, and options that write more."""
+    width = max(len(escape(file.name)) for file in files)
+    print_line(f"wrote to {files[0].parent}/")
+    for file in files:
+        content = next(content for ending, content in _FILES.items() if file.name.endswith(ending))
+        print_line(f"  {escape(file.name):<{width}}  {content}")
+    more = [how for ending, how in _MORE.items() if not any(file.name.endswith(ending) for file in files)]
+    if more:
+        print_facts(("next", ", ".join(more)))
+
+
+class PairFiles:
+    """Files of one registered pair: SOURCE_on_TARGET.txt and so on."""
+
+    def __init__(
+        self, folder: Path, source: Path, target: Path, run: str, *, html: bool, merged: bool = False
+    ) -> None:
+        """Raise `InputError` if an input, a file of another pair, or a foreign file would be replaced."""
+        self._folder, self._name, self._run = folder, name_of_pair(source, target), run
+        self._frames = name_frames(source, target)
+        self._title = f"{shown_name(source)} on {shown_name(target)}"
+        self._page_title = f"{source.name} on {target.name}"
+        self._is_wanted = {_MATCHES: False, _MERGED: merged, _PAGE: html}
+        self._results = Results(folder, f"register {self._name}")
+        check_outputs([self._file(ending) for ending in _FILES])
+        refuse_others([self._file(_POSE)], self._frames)
+        self._results.check(self._wanted)
+
+    @property
+    def _wanted(self) -> list[Path]:
+        return [self._file(ending) for ending in _FILES if self._is_wanted.get(ending, True)]
+
+    def _file(self, ending: str) -> Path:
+        return self._folder / f"{self._name}{ending}"
+
+    def write(self, clouds: Clouds, done: Registration, truth: FloatArray | None) -> list[Path]:
+        """Write the pose, the aligned source, matches if there are any, and a picture; return the files."""
+        from cgroup.plots import registration_figure  # noqa: PLC0415 - slow to load
+
+        pose = done.T_target_source
+        figure = registration_figure(
+            clouds[0].points,
+            clouds[1].points,
+            done.correspondences,
+            mask=done.grouping.mask,
+            T_target_source=pose,
+            title=self._title,
+        )
+        self._is_wanted[_MATCHES] = len(done.correspondences) > 0
+        self._results.check(self._wanted)
+        with self._results.writing(self._run) as written:
+            write_pose(self._file(_POSE), pose, self._frames)
+            io.write_cloud(self._file(_ALIGNED), done.place(clouds[0]))
+            if self._is_wanted[_MERGED]:
+                io.write_cloud(self._file(_MERGED), done.merged(*clouds))
+            if self._is_wanted[_MATCHES]:
+                io.write_correspondences(self._file(_MATCHES), done.correspondences)
+            write_figure(self._file(".png"), figure)
+            if self._is_wanted[_PAGE]:
+                self._write_page(clouds, done, truth)
+        return written
+
+    def write_refusal(
+        self, clouds: Clouds, guess: Registration | None, truth: FloatArray | None, refusal: str
+    ) -> list[Path]:
+        """Write the page of a refused guess if one is wanted, and nothing else; return the files."""
+        with self._results.writing(self._run) as written:
+            if guess is not None and self._is_wanted[_PAGE]:
+                self._write_page(clouds, guess, truth, refusal)
+        return written
+
+    def _write_page(
+        self, clouds: Clouds, done: Registration, truth: FloatArray | None, refusal: str | None = None
+    ) -> None:
+        from cgroup.pages import registration_page, write_page  # noqa: PLC0415 - slow to load
+
+        page = registration_page(*clouds, done, truth=truth, title=self._page_title, refusal=refusal)
+        write_page(self._file(_PAGE), page)
