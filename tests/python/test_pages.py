@@ -19,10 +19,10 @@ from cgroup.datasets import standin_pair
 from cgroup.evaluation import match_errors
 from cgroup.io import write_cloud, write_transform
 from cgroup.pages import comparison_page, log_to_rerun, registration_page, write_page
+from cgroup.pages.figure import MAX_POINTS, draw_pair, line_vertices
+from cgroup.pages.matches import MAX_MATCHES
 from cgroup.pages.page import chart_html, chart_text, page_html
 from cgroup.pages.recording import between
-from cgroup.pages.scene import MAX_POINTS, line_vertices, scene_of
-from cgroup.pages.viewer import MAX_MATCHES
 from cgroup.registration import Registration, correspond, register
 from cgroup.rigid import apply
 
@@ -42,7 +42,7 @@ def registered() -> Registration:
 
 def data_of(page: str) -> dict[str, Any]:
     """Return what the page's script is given."""
-    (text,) = re.findall(r'<script type="application/json" id="viewer-data">(.*?)</script>', page)
+    (text,) = re.findall(r'<script type="application/json" id="stage-data">(.*?)</script>', page)
     return json.loads(text)
 
 
@@ -115,25 +115,31 @@ def test_a_group_without_points_cannot_be_drawn() -> None:
         ss([0.1, 0.9]).plot()
 
 
-def test_a_scene_lays_the_source_where_the_pose_does() -> None:
+def test_clouds_are_drawn_joined_by_the_pose_and_apart() -> None:
     shift = np.array([1e6, -2e6, 3e5])  # as geographic coordinates have it
     pose = PAIR.T_target_source.copy()
     pose[:3, 3] += shift
-    scene = scene_of(PAIR.source.points, PAIR.target.points + shift, pose)
-    expected = apply(PAIR.T_target_source, PAIR.source.points) - PAIR.target.points.mean(axis=0)
-    assert np.allclose(apply(scene.placed, scene.source.points), expected, atol=1e-6)
-    given = apply(scene.given, scene.source.points) + scene.target.center
-    assert np.allclose(given, PAIR.source.points, atol=1e-6)
-    aside = apply(scene.apart, scene.source.points) @ scene.right
-    assert aside.max() < (scene.target.points @ scene.right).min()
-    assert np.abs(scene.source.points).max() < 1e3
+    target = PAIR.target.points + shift
+    pair = draw_pair(PAIR.source.points, target, pose)
+    assert np.allclose(pair.axes @ pair.axes.T, np.eye(3))
+    source, fixed = pair.clouds
+    between = source.points[0] + source.joined - fixed.points[0] - fixed.joined
+    expected = apply(PAIR.T_target_source, PAIR.source.points[:1])[0] - PAIR.target.points[0]
+    assert np.allclose(between, pair.axes @ expected, atol=1e-6)
+    for cloud in pair.clouds:
+        assert np.abs(cloud.points).max() < 1e3
+    apart = np.abs(source.apart - fixed.apart)[:2]
+    assert (apart > (source.size + fixed.size)[:2] / 2).any()
+    start, end = pair.ends_of(Correspondences(PAIR.source.points[:3], target[:3]), np.array([1]))
+    assert np.allclose(start, source.points[1], atol=1e-6)
+    assert np.allclose(end, fixed.points[1], atol=1e-6)
 
 
 def test_large_clouds_are_thinned() -> None:
     many = np.random.default_rng(0).uniform(size=(MAX_POINTS + 5, 3))
-    scene = scene_of(many, many[:10], np.eye(4))
-    assert len(scene.source.points) == len(scene.source.light) == MAX_POINTS
-    assert len(scene.target.points) == 10
+    pair = draw_pair(many, many[:10], np.eye(4))
+    assert len(pair.clouds[0].points) == len(pair.clouds[0].light) == MAX_POINTS
+    assert len(pair.clouds[1].points) == len(pair.rows[1]) == 10
 
 
 def test_lines_have_vertices_on_the_way_and_gaps() -> None:

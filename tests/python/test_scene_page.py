@@ -10,7 +10,7 @@ from placed_scenes import PAIR, known_scene
 
 from cgroup import InputError
 from cgroup.pages import scene_page
-from cgroup.pages.scans import _lay_out
+from cgroup.pages.stage import arrange
 from cgroup.plots.scans import place_nodes
 
 plotly = pytest.importorskip("plotly", reason="needs the extra cgroup[scans]")
@@ -62,7 +62,7 @@ def test_nodes_that_crowd_stand_on_a_circle() -> None:
 def test_boxes_that_are_laid_out_do_not_overlap() -> None:
     rng = np.random.default_rng(0)
     sizes = list(rng.uniform(0.2, 3.0, (17, 3)))
-    middles = _lay_out(sizes)
+    middles = arrange(sizes)
     for k in range(17):
         for other in range(k):
             apart = np.abs(middles[k] - middles[other])[:2]
@@ -70,7 +70,7 @@ def test_boxes_that_are_laid_out_do_not_overlap() -> None:
 
 
 def data_of(page: str) -> dict[str, list[list[float]]]:
-    (text,) = re.findall(r'<script type="application/json" id="scene-data">(.*?)</script>', page)
+    (text,) = re.findall(r'<script type="application/json" id="stage-data">(.*?)</script>', page)
     return json.loads(text)
 
 
@@ -104,6 +104,6 @@ def test_nothing_breaks_out_of_its_place_and_nothing_is_fetched() -> None:
 def test_a_scene_without_edges_and_wrong_arguments() -> None:
     page = scene_page(known_scene(components=[[k] for k in range(4)], edges=[]))
     assert "<svg" not in page
-    assert "0 of 4 scans hang together" in page
+    assert "0 of 4 scans connected" in page
     with pytest.raises(InputError, match="scene: got"):
         scene_page(PAIR)  # type: ignore[arg-type]

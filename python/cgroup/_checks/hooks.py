@@ -12,7 +12,7 @@ _HOOKS = {
     "cloud": ("cgroup.io", "read_cloud"),
     "explanation": ("cgroup._explain", "explain_match"),
     "figure": ("cgroup.plots.matches", "figure_of"),
-    "chart": ("cgroup.pages.scene", "figure_of"),
+    "chart": ("cgroup.pages.figure", "figure_of"),
     "scene": ("cgroup.scenes.register_all", "add_scan"),
 }
 

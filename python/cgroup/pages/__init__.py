@@ -1,7 +1,6 @@
-"""Pages to look at in a browser: charts to turn, zoom and point at, in one HTML file that fetches nothing.
+"""Interactive pages for the browser, one self-contained HTML file each.
 
-Pages need plotly, which comes with ``cgroup[scans]``; recordings for the viewer Rerun need rerun-sdk
-(``cgroup[rerun]``).
+Pages need plotly (``cgroup[scans]``); recordings for the viewer Rerun need rerun-sdk (``cgroup[rerun]``).
 """
 
 from cgroup.pages.page import write_page

@@ -1,18 +1,11 @@
-"""The page of results that a benchmark scores: its tables, and recall over the limits to point at."""
+"""The page of ``cgroup evaluate``: its tables, and a chart of recall over the limits."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
-from itertools import groupby
-from operator import itemgetter
-from typing import TYPE_CHECKING
 
-from cgroup.pages.page import chart_html, chart_text, page_html, part
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-
-_STYLE = ".methods tbody tr { cursor: auto; } .facts dd { grid-column: 2; }"
+from cgroup.pages.page import chart_html, chart_text, facts_html, page_html, part, table_html
 
 
 def evaluation_page(
@@ -23,7 +16,7 @@ def evaluation_page(
     curves: Mapping[str, Sequence[float | None]],
     facts: Iterable[tuple[str, str]],
 ) -> str:
-    """Make a page of tables by heading, columns and rows, and of a recall at factors of its limits."""
+    """Make a page of tables (heading, columns, rows) and of a recall at multiples of its limits."""
     first, *others = (_table(*table) for table in tables)
     traces = [
         {
@@ -46,21 +39,15 @@ def evaluation_page(
     }
     label = f"{recall}: recall over the limits, times a factor"
     chart = chart_html("curves", {"data": traces, "layout": layout}, label=label)
-    lines = "".join(
-        f"<dt>{escape(name)}</dt>{''.join(f'<dd>{escape(text)}</dd>' for _, text in same)}"
-        for name, same in groupby(facts, itemgetter(0))
-    )
-    body = f'{first}{chart}{"".join(others)}<dl class="facts">{lines}</dl>'
-    css = part("viewer.css") + _STYLE
+    described = facts_html((name, escape(text)) for name, text in facts)
+    body = f"{first}{chart}{''.join(others)}{described}"
+    css = part("viewer.css")
     return page_html(title, f"<main><h1>{escape(title)}</h1>{body}</main>", css=css)
 
 
 def _table(heading: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    head = "".join(f'<th scope="col">{escape(name)}</th>' for name in columns)
     lines = "".join(
         f'<tr><th scope="row">{escape(name)}</th>{"".join(f"<td>{escape(cell)}</td>" for cell in cells)}</tr>'
         for name, *cells in rows
     )
-    table = f'<table class="methods"><thead><tr>{head}</tr></thead><tbody>{lines}</tbody></table>'
-    scroll = f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(heading)}">{table}</div>'
-    return f"<section><h2>{escape(heading)}</h2>{scroll}</section>"
+    return f"<section><h2>{escape(heading)}</h2>{table_html(columns, lines, label=heading)}</section>"

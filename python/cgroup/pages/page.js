@@ -87,7 +87,7 @@ const charts = (() => {
   }
 
   function drawQuietly(figure) {
-    get(figure.id).catch(() => {}); // the chart's place says what is wrong
+    get(figure.id).catch(() => {}); // the chart's place shows the error
   }
 
   const figures = [...document.querySelectorAll("figure.chart")];

@@ -1,8 +1,7 @@
-"""One self-contained HTML page with charts: plotly's script is compressed inside the page.
+"""Self-contained HTML pages with charts; they hold plotly's script, compressed.
 
-A page is put together from pieces of HTML: `chart_html` makes one chart, to be placed anywhere; `page_html`
-the page around a body. Names that come from outside, such as those of files, are escaped by whoever writes
-them into a body (`html.escape`) or into a chart (`chart_text`).
+`page_html` makes a page around a body, which holds charts by `chart_html` at any place. Callers escape names
+from outside, such as those of files: in a body by `html.escape`, in a chart by `chart_text`.
 """
 
 from __future__ import annotations
@@ -13,26 +12,27 @@ import gzip
 import html
 import importlib
 import json
+import os
+from collections.abc import Iterable, Sequence
 from importlib import resources
+from itertools import groupby
+from operator import itemgetter
 from string import Template
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from cgroup._checks.values import as_instance, refusal
 from cgroup.errors import InputError
 from cgroup.io import write_file
 
-if TYPE_CHECKING:
-    import os
-
 _UNSAFE_IN_SCRIPTS = {ord(letter): f"\\u{ord(letter):04x}" for letter in "<>&\u2028\u2029"}
-"""What could end a script or a comment; in JSON they stand in texts only, where escapes mean the same."""
+"""Letters that could end a script or a comment; JSON has them in texts only, where escapes mean the same."""
 
 
 def chart_html(name: str, figure: Any, *, label: str, height: str = "28rem", caption: str = "") -> str:  # noqa: ANN401
     """Make the HTML of one chart, for the body of `page_html`.
 
-    The chart is drawn when it comes into sight, as wide as its place, in the page's light or dark colours:
-    the figure's template is left out, and its colours of texts, grids and backgrounds are replaced.
+    The chart is drawn when it becomes visible, in the page's light or dark colours; the figure's template is
+    left out.
     """
     below = f"<figcaption>{caption}</figcaption>" if caption else ""
     return (
@@ -43,7 +43,7 @@ def chart_html(name: str, figure: Any, *, label: str, height: str = "28rem", cap
 
 
 def data_html(name: str, value: Any) -> str:  # noqa: ANN401 - whatever JSON can hold
-    """Make the HTML of data for a page's own script, which nobody sees."""
+    """Make the HTML of hidden data for a page's own script."""
     return f'<script type="application/json" id="{html.escape(name)}">{_json(value)}</script>'
 
 
@@ -52,15 +52,38 @@ def _json(value: Any) -> str:  # noqa: ANN401 - as above
 
 
 def chart_text(text: object) -> str:
-    """Escape a text that a chart is to show as it is.
-
-    Without it plotly takes ``<b>``, ``<br>`` and ``&lt;`` for HTML.
-    """
+    """Escape a text for a chart; plotly takes ``<b>``, ``<br>`` and ``&lt;`` for HTML."""
     return html.escape(str(text), quote=False)
 
 
+def facts_html(facts: Iterable[tuple[str, str]]) -> str:
+    """Make the HTML of names and values, which are HTML already; equal names in a row are shown once."""
+    lines = "".join(
+        f"<dt>{html.escape(name)}</dt>{''.join(f'<dd>{value}</dd>' for _, value in same)}"
+        for name, same in groupby(facts, itemgetter(0))
+    )
+    return f'<dl class="facts">{lines}</dl>' if lines else ""
+
+
+def table_html(columns: Iterable[str], lines: str, *, label: str) -> str:
+    """Make the HTML of a table that scrolls, from its rows."""
+    head = "".join(f'<th scope="col">{html.escape(name)}</th>' for name in columns)
+    return (
+        f'<div class="scroll" tabindex="0" role="region" aria-label="{html.escape(label)}">'
+        f'<table class="methods"><thead><tr>{head}</tr></thead><tbody>{lines}</tbody></table></div>'
+    )
+
+
+def scale_html(colors: Sequence[str], end: float) -> str:
+    """Make the HTML of a colour scale from 0 to its end."""
+    return (
+        f'<div class="scale"><div style="background: linear-gradient(90deg, {", ".join(colors)})"></div>'
+        f"<span>0</span><span>{end / 2:.2g}</span><span>≥ {end:.2g}</span></div>"
+    )
+
+
 def page_html(title: str, body: str, *, css: str = "", script: str = "") -> str:
-    """Put a page together: style, body, and what draws the charts in it."""
+    """Make a page of style, body, and the scripts that draw its charts."""
     has_charts = '<figure class="chart"' in body
     library = (
         f'<script type="text/plain" id="chart-library">{_packed_plotly()}</script>' if has_charts else ""
@@ -84,11 +107,6 @@ def write_page(path: str | os.PathLike[str], page: str) -> None:
     page : str
         What `page_html` returned.
 
-    Raises
-    ------
-    InputError
-        If the file can't be written.
-
     Examples
     --------
     >>> import pathlib, tempfile
@@ -98,12 +116,12 @@ def write_page(path: str | os.PathLike[str], page: str) -> None:
     ...     path.read_text()[:15]
     '<!doctype html>'
     """
-    # Names of files may hold bytes that are no text; a page shows them as question marks.
+    # Bytes of file names that are no text become question marks.
     write_file(path, as_instance("page", page, str).encode("utf-8", "replace"))
 
 
 def _plain(figure: Any) -> dict[str, Any]:  # noqa: ANN401 - plotly has no types
-    """Return a figure as JSON has it: arrays of numbers become short, as bytes in base64."""
+    """Return a figure for JSON; arrays of numbers become bytes in base64."""
     kind, known = load_plotly("graph_objects").Figure, load_plotly("basedatatypes").BaseFigure
     try:
         drawn = as_instance("figure", kind(figure) if isinstance(figure, dict) else figure, known)

@@ -3,30 +3,24 @@
 from __future__ import annotations
 
 import importlib
-from typing import TYPE_CHECKING, Any
+import os
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cgroup._checks.values import as_instance, as_path
 from cgroup._explain import explain_matches
 from cgroup._show.drawing import as_flags, as_points
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.io._files import check_outputs
-from cgroup.pages.scene import kinds_of
+from cgroup.pages.figure import Kind, kinds_of
 from cgroup.plots import style
 from cgroup.rigid import apply, check_rigid
-from cgroup.types import Correspondences, Grouping
-
-if TYPE_CHECKING:
-    import os
-
-    from numpy.typing import ArrayLike
-
-    from cgroup.pages.scene import Kind
-    from cgroup.types import AnyCloud, FloatArray
+from cgroup.types import AnyCloud, Correspondences, FloatArray, Grouping
 
 _STEPS = 21
-"""From where the source is given to where the pose lays it."""
+"""From the given source to the posed one."""
 
 
 def log_to_rerun(
@@ -41,7 +35,7 @@ def log_to_rerun(
 ) -> None:
     """Log clouds, matches kept and dropped, and the pose, for the viewer Rerun.
 
-    On the timeline ``source`` the source moves from where it is given (0) to where the pose lays it (20).
+    On the timeline ``source`` the source moves from its given position (0) to its pose (20).
 
     Parameters
     ----------
@@ -50,19 +44,13 @@ def log_to_rerun(
     correspondences : Correspondences
         All matches.
     grouping : Grouping
-        What was selected of them; the label of each match says why.
+        Group of a method; the label of each match gives the reason.
     T_target_source : (4,4) array_like of float, optional
-        The pose; that of the group where it is not given.
+        The pose; that of the group by default.
     correct : (n,) array_like of bool, optional
         Which matches are correct; lines are coloured by it.
     path : path-like, optional
-        A file, usually ``.rrd``, to be opened by ``rerun``. Without it, the recording that ``rerun.init``
-        started takes it.
-
-    Raises
-    ------
-    InputError
-        If rerun-sdk isn't installed, an argument doesn't fit, there is no pose, or no path and no recording.
+        A file, usually ``.rrd``, for ``rerun``; by default, the recording that ``rerun.init`` started.
 
     Examples
     --------
@@ -104,7 +92,7 @@ def log_to_rerun(
 
 
 def between(start: FloatArray, end: FloatArray, share: float, center: FloatArray) -> FloatArray:
-    """Return a rigid transform between two: the centre moves straight on, what is about it turns."""
+    """Return a rigid transform between two: the centre moves along a line, the rest rotates about it."""
     turn = start[:3, :3].T @ end[:3, :3]
     axis = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
     angle = float(np.arctan2(np.linalg.norm(axis), np.trace(turn) - 1.0))
@@ -137,7 +125,7 @@ def _load_rerun() -> Any:  # noqa: ANN401 - a module
 
 
 def _open(rerun: Any, path: str | os.PathLike[str] | None) -> Any:  # noqa: ANN401 - rerun's
-    """Return a recording that goes to a file, or the one that is open."""
+    """Return a recording into a file, or the open one."""
     if path is None:
         recording = rerun.get_global_data_recording()
         if recording is None:
@@ -157,6 +145,6 @@ def _open(rerun: Any, path: str | os.PathLike[str] | None) -> Any:  # noqa: ANN4
 
 def _looks(grouping: Grouping, kind: Kind) -> dict[str, Any]:
     color = [int(kind.color[k : k + 2], 16) for k in (1, 3, 5)]
-    said = explain_matches(grouping, np.flatnonzero(kind.rows).tolist())
-    labels = [f"{each.index}: {each.reason}" for each in said]
+    explained = explain_matches(grouping, np.flatnonzero(kind.rows).tolist())
+    labels = [f"{each.index}: {each.reason}" for each in explained]
     return {"colors": [color], "labels": labels, "show_labels": False}

@@ -1,11 +1,13 @@
-"""The pages of one registration, and of several methods on the same matches."""
+"""Pages of one registration, and of several methods on the same matches."""
 
 from __future__ import annotations
 
 import html
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from cgroup._checks.values import as_instance, as_items
 from cgroup._show.drawing import as_flags, as_points
@@ -14,18 +16,11 @@ from cgroup.comparison import MethodResult, find_correct
 from cgroup.errors import InputError
 from cgroup.evaluation import rotation_error, translation_error
 from cgroup.io import PointCloud
-from cgroup.pages.viewer import Selection, View, view_html
+from cgroup.pages.matches import Selection, View, view_page
 from cgroup.registration import Registration
 from cgroup.registry import look_up_method
 from cgroup.rigid import check_rigid
-from cgroup.types import Correspondences
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from numpy.typing import ArrayLike, NDArray
-
-    from cgroup.types import AnyCloud, FloatArray
+from cgroup.types import AnyCloud, Correspondences, FloatArray
 
 
 def registration_page(
@@ -38,32 +33,27 @@ def registration_page(
     title: str = "Registration",
     refusal: str | None = None,
 ) -> str:
-    """Make the page of a registration: both clouds to turn around, and the matches.
+    """Return the page of a registration: both clouds and the matches, to rotate.
 
     Parameters
     ----------
     source, target : PointCloud or (N,3) array_like of float
-        The clouds that were registered; at most 20,000 points of each are drawn.
+        Registered clouds; at most 20,000 points of each are drawn.
     registration : Registration
-        What `cgroup.registration.register` returned, or the guess in the error that it raised.
+        Result of `cgroup.registration.register`, or the guess in the error that it raised.
     correct : (n,) array_like of bool, optional
-        Which matches are correct; lines are green and orange then.
+        Which matches are correct; lines are then green and orange.
     truth : (4,4) array_like of float, optional
-        The true pose, from which the errors of pose and matches are told.
+        True pose; the page shows the errors of pose and matches.
     title : str
         Plain text.
     refusal : str, optional
-        Why the pose isn't trusted: what the error said.
+        Why the pose was refused: the message of the error.
 
     Returns
     -------
     str
         HTML, for `write_page`.
-
-    Raises
-    ------
-    InputError
-        If plotly isn't installed, or an argument doesn't fit.
 
     Examples
     --------
@@ -93,7 +83,7 @@ def registration_page(
         selections=[Selection("register", registration.grouping)],
         facts=_facts(registration, true_pose, as_points("source", source)),
     )
-    return view_html(view)
+    return view_page(view)
 
 
 def _colors_of(cloud: AnyCloud) -> NDArray[np.uint8] | None:
@@ -106,9 +96,9 @@ def _lead(registration: Registration, refusal: str | None) -> str:
         sentence = html.escape(f"{why[:1].upper()}{why[1:].removesuffix('.')}.")
         return f'<p class="refused" role="alert"><b>Refused: this is a guess.</b> {sentence}</p>'
     count = f"{registration.grouping.size:,} of {len(registration.correspondences):,} matches"
-    sure = f"The pose is right with a probability of {registration.probability:.3f}."
-    share = f"{100 * registration.fitness:.0f} % of the source"
-    return f'<p class="lead quiet">{sure} It lays {share} on the target, and {count} together.</p>'
+    chance = f"The pose is correct with a probability of {registration.probability:.3f}."
+    share = f"{100 * registration.fitness:.0f} % of the source overlaps the target"
+    return f'<p class="lead quiet">{chance} {share}; {count} agree with the pose.</p>'
 
 
 def _facts(registration: Registration, truth: FloatArray | None, source: FloatArray) -> list[tuple[str, str]]:
@@ -118,14 +108,14 @@ def _facts(registration: Registration, truth: FloatArray | None, source: FloatAr
     shares = [f"{100 * share:.0f} %" for share in (registration.fitness, registration.target_fitness)]
     facts: list[tuple[str, Any]] = [
         ("pose", f"<pre>{lines}</pre>"),
-        ("probability", f"{registration.probability:.3f} that it is right"),
-        ("overlap", f"{shares[0]} of the source lies on the target, {shares[1]} of the target on the source"),
-        ("residual", f"{registration.inlier_rmse:.3g} there (root mean square)"),
+        ("probability", f"{registration.probability:.3f} that the pose is correct"),
+        ("overlap", f"{shares[0]} of the source overlaps the target, {shares[1]} of the target the source"),
+        ("residual", f"{registration.inlier_rmse:.3g} in the overlap (root mean square)"),
         ("voxel", f"{registration.voxel:.4g}"),
     ]
     if truth is not None:
         turn, shift = rotation_error(pose, truth), translation_error(pose, truth)
-        facts.append(("off the true pose", f"{turn:.3g} degrees, {shift:.3g} in translation"))
+        facts.append(("error of the pose", f"{turn:.3g} degrees, {shift:.3g} in translation"))
     return facts + [("note", html.escape(note)) for note in registration.notes]
 
 
@@ -140,23 +130,22 @@ def comparison_page(
     tolerance: float | None = None,
     title: str = "Comparison",
 ) -> str:
-    """Make the page of a comparison: what each method kept of the matches, and why.
+    """Return the page of a comparison: the group of each method, and why each match is in it or not.
 
     Parameters
     ----------
     source, target : PointCloud or (N,3) array_like of float
         Whole clouds; at most 20,000 points of each are drawn.
     correspondences : Correspondences
-        What the methods were run on.
+        The matches that were grouped.
     results : iterable of MethodResult
-        What `cgroup.comparison.compare` yielded.
+        Results of `cgroup.comparison.compare`.
     T_target_source : (4,4) array_like of float
-        The true pose.
+        True pose.
     correct : (n,) array_like of bool, optional
-        Which matches are correct, where that is known already.
+        Which matches are correct; `find_correct` finds them by default.
     tolerance : float, optional
-        Otherwise the largest distance of a correct match from its true place, in the data's unit; 5 times the
-        resolution of the matches by default.
+        As for `find_correct`.
     title : str
         Plain text.
 
@@ -164,11 +153,6 @@ def comparison_page(
     -------
     str
         HTML, for `write_page`.
-
-    Raises
-    ------
-    InputError
-        If plotly isn't installed, an argument doesn't fit, or there is no result.
 
     Examples
     --------
@@ -199,8 +183,8 @@ def comparison_page(
     view = View(
         title=as_instance("title", title, str),
         lead=(
-            f'<p class="lead quiet">{len(flags):,} matches, of which {count:,} are correct. '
-            "P precision, R recall, F their harmonic mean; pose: whether the group fixes the right one.</p>"
+            f'<p class="lead quiet">{len(flags):,} matches, {count:,} correct. '
+            "P precision, R recall, F their harmonic mean; pose: whether the group's pose is right.</p>"
         ),
         source=as_points("source", source),
         target=as_points("target", target),
@@ -213,7 +197,7 @@ def comparison_page(
         first=int(np.argmax([each.score.f_score for each in found])),
         columns=("P", "R", "F", "pose"),
     )
-    return view_html(view)
+    return view_page(view)
 
 
 def _selection(result: MethodResult) -> Selection:
