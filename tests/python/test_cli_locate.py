@@ -102,7 +102,7 @@ def test_a_scan_of_elsewhere_is_refused(capsys: Capture) -> None:
     assert status == 3
     assert "pose of the scan" not in out
     assert err.startswith("cgroup: the best place is correct with a probability of 0.")
-    assert "of the scan on the map; if it is one single scan" in err
+    assert "of the scan overlaps the map; for single scans, give" in err
     assert err.endswith("--viewpoint\n")
     assert not Path("out/scan_in_map.txt").exists()  # of the earlier run
     status, out, err = run(capsys, *LINE, "--viewpoint", 0, 0, 0, "--json")
