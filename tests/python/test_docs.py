@@ -1,4 +1,4 @@
-"""The pages of documentation hold together: links, commands, examples, and a reference that lacks nothing."""
+"""Pages of the documentation: links, commands, examples, and a complete reference."""
 
 import importlib
 import re
@@ -148,7 +148,7 @@ def test_the_readme_shows_what_is_there(capsys: pytest.CaptureFixture[str]):
 def commands(page: Path) -> list[str]:
     """Lines that call cgroup, in blocks of shell and in indented ones; lines that go on are joined."""
     text = page.read_text(encoding="utf-8").replace("\\\n", " ")
-    blocks = re.findall(r"^```(\w*)\n(.*?)^```", text, flags=re.DOTALL | re.MULTILINE)
+    blocks = re.findall(r"^```([^\n]*)\n(.*?)^```", text, flags=re.DOTALL | re.MULTILINE)
     fenced = [line for kind, block in blocks if kind in SHELLS for line in block.splitlines()]
     indented = re.findall(r"^    (.*)$", without_code(text), flags=re.MULTILINE)
     lines = [

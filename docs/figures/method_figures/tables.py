@@ -34,7 +34,7 @@ CLOSE = 0.02
 
 VERDICTS = (
     "cgroup",
-    "cgroup, viewpoint not told",
+    "cgroup, no viewpoint",
     "Open3D RANSAC",
     "KISS-Matcher",
     "KISS-Matcher + small_gicp",
@@ -281,7 +281,7 @@ def measured_table(name: str) -> str:
 
 
 def verdict_table(_: str) -> str:
-    """List how many poses some pipelines find, and how many right and wrong ones they accept, in all."""
+    """List how many correct poses some pipelines find, and how many correct and wrong ones they accept."""
     path = FOLDER / "registration-trust.csv"
     rows = [row for row in load_table(path).to_dict("records") if row["pipeline"] in VERDICTS]
     lines: list[str] = []
@@ -296,7 +296,7 @@ def verdict_table(_: str) -> str:
         cells += [f"{wrong} of {found + missed + without}", seconds]
         lines.append(f"| {' | '.join(cells)} |")
     header = [
-        "| | finds the right pose | accepts a right pose | accepts a wrong pose | s: views; rooms; LiDAR |",
+        "| pipeline | correct found | correct accepted | wrong accepted | s: views; rooms; LiDAR |",
         "|---|---:|---:|---:|---:|",
     ]
     return _captioned([*header, *lines], str(load_origin(path)))
