@@ -43,8 +43,8 @@ suppress_warnings = ["config.cache"]
 myst_enable_extensions = ["amsmath", "attrs_inline", "colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
 myst_html_meta = {
-    "description": "Point cloud registration and 3D correspondence grouping in Python and Rust: poses of scans "
-    "with the probability that each is correct, and the correct matches among many wrong ones.",
+    "description": "Point cloud registration and 3D correspondence grouping in Python and Rust: poses of "
+    "scans with the probability that each is correct, and the correct matches among many wrong ones.",
     "keywords": "point cloud registration, correspondence grouping, global registration, 3D matching, LiDAR, "
     "RANSAC, TEASER, FPFH, multiway registration, loop closure",
 }

@@ -1,7 +1,7 @@
 """Judge poses: rank them, estimate their probability, accept or reject them with reasons.
 
 The coefficients were fitted on generated worlds and half of the pairs of real scans (see
-`docs/registration.md`).
+`docs/registration-internals.md`).
 """
 
 from __future__ import annotations
