@@ -1,6 +1,7 @@
 """The covariance of a pose, also in the conventions of other libraries.
 
-The coefficients were chosen on generated worlds, whose poses are exact (see `docs/registration-internals.md`).
+The coefficients were chosen on generated worlds, whose poses are exact (see
+`docs/registration-internals.md`).
 """
 
 from __future__ import annotations
