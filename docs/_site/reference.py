@@ -124,22 +124,19 @@ GROUPS: dict[str, dict[str, str]] = {
         "Names": "METHODS MethodName PAPER_METHODS PRESETS",
     },
     "cgroup.benchmark.config": {
-        "Reading": "read_config parse_config preset_names METHOD_SETS",
+        "Reading": "read_config parse_config",
         "What a configuration holds": "Config",
     },
     "cgroup.benchmark.run": {"Running": "run Summary"},
     "cgroup.benchmark.tables": {
-        "Results": "load load_groups load_poses PairPose",
-        "Means": "aggregate exponents FITTED_FROM",
+        "Results": "load load_groups",
+        "Means": "aggregate exponents",
     },
     "cgroup.benchmark.report": {"Report": "write_report"},
     "cgroup.benchmark.stats": {
         "Ranking on a set of problems": "rank_methods Rank",
         "Ranking over all pairs": "rank_overall Overall Standing REAL GENERATED LEAST_OBJECTS",
         "Statistics": "bootstrap Interval LEVEL RESAMPLES",
-    },
-    "cgroup.benchmark.solver": {
-        "Methods and ways to register": "Solver candidate make_pipeline make_scene_solver IN_RESOLUTIONS",
     },
     "cgroup.benchmark.pipelines": {
         "Ways to register two clouds": "PIPELINES Clouds Answer",

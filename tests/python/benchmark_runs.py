@@ -52,10 +52,8 @@ def serial(text: str, out: Path, **options: object) -> Summary:
 def contents(out: Path) -> list[tuple[object, ...]]:
     """Everything that a run computed, apart from times, versions and machines."""
     tables = {
-        "problems": "key, n, pr, facts, parameters, error",
-        "arrays": "problem, content, truth, sample",
-        "results": "problem, solver, threads, mask, pose, numbers, skipped, error",
-        "scores": "*",
+        "matches": "problem, n, content",
+        "results": "problem, solver, threads, epsilons, mask, pose, numbers, skipped, error",
         "plan_problems": "*",
     }
     with closing(sqlite3.connect(out / RECORDS)) as connection:
@@ -68,10 +66,10 @@ def contents(out: Path) -> list[tuple[object, ...]]:
 
 
 def count(out: Path, table: str) -> int:
-    """Rows of a table that have been computed: of `problems`, those that have been matched."""
+    """Rows of a table."""
     try:
         with closing(sqlite3.connect(f"file:{out / RECORDS}?mode=ro", uri=True)) as connection:
-            return connection.execute(f"select count(error) from {table}").fetchone()[0]
+            return connection.execute(f"select count(*) from {table}").fetchone()[0]
     except sqlite3.OperationalError:  # not there yet
         return 0
 

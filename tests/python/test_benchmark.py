@@ -12,7 +12,8 @@ import pandas as pd
 import pytest
 
 import benchmark_fakes
-from cgroup.benchmark import solving, tables, timing
+from cgroup.benchmark import run as runner
+from cgroup.benchmark import solving, tables
 from cgroup.benchmark.config import parse_config
 from cgroup.benchmark.results import KILLED
 from cgroup.benchmark.run import run
@@ -21,8 +22,6 @@ from cgroup.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-
-    from cgroup.benchmark.results import Score
 
 from benchmark_runs import CLOUDS, MATCHES, contents, count, serial, start_benchmark, wait_until
 
@@ -59,29 +58,18 @@ def test_a_finished_run_computes_nothing_more(tmp_path: Path, log: Path) -> None
     assert contents(tmp_path / "out") == before
 
 
-def test_each_stage_uses_what_the_ones_before_have_stored(
-    tmp_path: Path, log: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    scored: list[tuple[float, ...]] = []
-
-    def score(*arguments: object) -> list[Score]:
-        scored.append(tuple(arguments[-1]))  # pyright: ignore[reportArgumentType]
-        return judge(*arguments)  # pyright: ignore[reportArgumentType]
-
-    judge = solving.score_grouping
-    monkeypatch.setattr(solving, "score_grouping", score)
+def test_matches_are_stored_and_further_methods_and_thresholds_use_them(tmp_path: Path, log: Path) -> None:
     text = CLOUDS.replace('"ss", "gc"', '"benchmark_fakes:first"')
     serial(text, tmp_path / "out")
-    assert scored == [(5.0,)] * 4
     log.write_text("")
-    scored.clear()
-    serial(text + "epsilons = [2, 5, 9]", tmp_path / "out")
-    assert lines(log) == []
-    assert scored == [(2.0, 9.0)] * 4
-    scored.clear()
+    serial(text + "epsilons = [2, 9]", tmp_path / "out")
+    assert lines(log) == ["first 20"] * 4
+    assert set(tables.load(tmp_path / "out")["epsilon"]) == {2, 9}
+    log.write_text("")
+    serial(text, tmp_path / "out")
+    assert lines(log) == [], "earlier thresholds are kept"
     serial(text.replace('"benchmark_fakes:first"', '"benchmark_fakes:first", "gc"'), tmp_path / "out")
     assert lines(log) == []
-    assert scored == [(5.0,)] * 4
     assert set(tables.load(tmp_path / "out")["method"]) == {"benchmark_fakes:first", "gc"}
     serial(text.replace("levels = [0.1, 0.2]", "levels = [0.1, 0.3]"), tmp_path / "out")
     assert lines(log).count("noise a 0.3") == 1
@@ -104,7 +92,7 @@ def test_experiments_share_cases(tmp_path: Path, log: Path) -> None:
 def test_a_failed_pair_or_method_is_recorded_and_stops_nothing(tmp_path: Path) -> None:
     text = CLOUDS.replace('["a", "b"]', '["a", "broken"]').replace('"gc"', '"benchmark_fakes:failing"')
     summary = serial(text, tmp_path)
-    assert summary.counts["correspond"] == (2, 2, 4)
+    assert summary.counts["experiment"] == (4, 4, 8)
     frame = tables.load(tmp_path)
     broken = frame[frame["pair"] == "broken"]
     assert len(broken) == 4
@@ -125,7 +113,7 @@ def test_failures_are_tried_again_on_demand_only(tmp_path: Path, log: Path) -> N
     assert lines(log) == []
     summary = serial(text, tmp_path / "out", retry_failed=True)
     assert set(lines(log)) == {"load broken"}
-    assert summary.failed == 2
+    assert summary.failed == 4
 
 
 def test_a_method_that_kills_its_process_costs_only_itself(tmp_path: Path, log: Path) -> None:
@@ -138,7 +126,7 @@ def test_a_method_that_kills_its_process_costs_only_itself(tmp_path: Path, log: 
     assert 0 < len(deadly) < 8
     errors = tables.load(tmp_path).set_index(["method", "pair"])["error"]
     assert errors[errors != ""].to_dict() == dict.fromkeys(deadly, KILLED)
-    assert summary.counts["group"] == (24 - len(deadly), len(deadly), 24)
+    assert summary.counts["experiment"] == (24 - len(deadly), len(deadly), 24)
     log.write_text("")
     run(parse_config(text), tmp_path, workers=2, retry_failed=True)
     assert "first 20" not in lines(log), "only what failed is tried again"
@@ -149,7 +137,7 @@ def test_a_method_that_hangs_is_ended_and_costs_only_itself(
 ) -> None:
     text = MATCHES.replace('"ransac", "gtm"', '"gtm", "benchmark_fakes:endless"') + "pairs = 3\nlimit = 2"
     summary = run(parse_config(text), tmp_path, workers=1)
-    assert summary.counts["group"] == (3, 3, 6)
+    assert summary.counts["experiment"] == (3, 3, 6)
     frame = tables.load(tmp_path).set_index("method")
     assert set(frame.loc["gtm"]["error"]) == {""}
     assert sorted(frame.loc["benchmark_fakes:endless"]["error"]) == [
@@ -163,7 +151,7 @@ def test_a_method_that_hangs_is_ended_and_costs_only_itself(
 
 
 def test_two_runs_keep_out_of_each_others_way(tmp_path: Path) -> None:
-    with only_writer(tmp_path), pytest.raises(InputError, match="another run is at work there"):
+    with only_writer(tmp_path), pytest.raises(InputError, match="another run is using it"):
         serial(MATCHES, tmp_path)
     serial(MATCHES + "pairs = 1", tmp_path)
 
@@ -187,7 +175,7 @@ def test_records_do_not_depend_on_the_backend(
 
 
 @pytest.mark.skipif(os.name == "nt", reason="there is no kill -9")
-@pytest.mark.parametrize("table", ["problems", "results"])
+@pytest.mark.parametrize("table", ["matches", "results"])
 def test_killed_and_started_again_nothing_is_lost_or_done_twice(
     table: str, tmp_path: Path, log: Path
 ) -> None:
@@ -203,13 +191,13 @@ def test_killed_and_started_again_nothing_is_lost_or_done_twice(
         tmp_path / "out",
         "--workers",
         2,
-        FAKES_HOLD="load" if table == "problems" else "first",
+        FAKES_HOLD="load" if table == "matches" else "first",
     )
     wait_until(lambda: count(tmp_path / "out", table) >= 3, f"no 3 rows in {table}")
     os.killpg(slow.pid, signal.SIGKILL)
     slow.communicate()
-    stored = {name: count(tmp_path / "out", name) for name in ("problems", "results")}
-    assert 3 <= stored[table] < (8 if table == "problems" else 16)
+    stored = {name: count(tmp_path / "out", name) for name in ("matches", "results")}
+    assert 3 <= stored[table] < (8 if table == "matches" else 16)
     log.write_text("")
     again = start_benchmark("run", config, "--out", tmp_path / "out", "--workers", 2)
     out, err = again.communicate(timeout=60)
@@ -217,7 +205,7 @@ def test_killed_and_started_again_nothing_is_lost_or_done_twice(
     assert "groupings      16 of 16" in out
     assert contents(tmp_path / "out") == contents(tmp_path / "whole")
     # What had been stored wasn't computed again.
-    assert len([line for line in lines(log) if line.startswith("load")]) == 8 - stored["problems"]
+    assert len([line for line in lines(log) if line.startswith("load")]) == 8 - stored["matches"]
     assert len([line for line in lines(log) if line.startswith("first")]) == 8 - stored["results"] // 2
 
 
@@ -227,7 +215,7 @@ def test_interrupt_keeps_what_is_finished(tmp_path: Path) -> None:
     config = tmp_path / "tiny.toml"
     config.write_text(MATCHES)
     slow = start_benchmark("run", config, "--out", tmp_path / "out", "--workers", 2, FAKES_HOLD="load")
-    wait_until(lambda: count(tmp_path / "out", "problems") >= 2, "no 2 problems")
+    wait_until(lambda: count(tmp_path / "out", "matches") >= 2, "no 2 problems")
     os.killpg(slow.pid, signal.SIGINT)
     out, err = slow.communicate(timeout=30)
     assert (slow.returncode, err) == (130, "cgroup: interrupted\n")
@@ -269,10 +257,10 @@ methods = ["gc", "benchmark_fakes:first", "benchmark_fakes:wrong_length"]
 class Here:
     """A worker whose process is this one, where it can be watched."""
 
-    def __init__(self, _threads: int) -> None:
+    def __init__(self, _threads: int, cores: int = 0) -> None:
         pass
 
-    def call(self, function: Callable[..., Any], *arguments: object, limit: float) -> Any:
+    def call(self, function: Callable[..., Any], *arguments: object, limit: float = 1.0) -> Any:
         assert limit > 0
         return function(*arguments)
 
@@ -281,14 +269,11 @@ class Here:
 
 
 def test_times_are_taken_once(tmp_path: Path, log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(timing, "Worker", Here)
-    monkeypatch.setattr(timing, "SHORTEST", 1e-9)
+    monkeypatch.setattr(runner, "Worker", Here)
+    monkeypatch.setattr(solving, "SHORTEST", 1e-9)
     text = MATCHES + "pairs = 1" + TIMING
     serial(text, tmp_path / "out")
     times = tables.load(tmp_path / "out", "timing")
-    assert list(times.columns) == [
-        *("method", "n", "threads", "repeat", "seconds", "dataset", "pair", "machine", "version")
-    ]
     assert len(times) == 2 * 2 * 2  # sizes, methods, repeats
     assert times["seconds"].min() > 0
     assert len(set(times["n"])) == 2
@@ -304,8 +289,8 @@ def test_times_are_taken_once(tmp_path: Path, log: Path, monkeypatch: pytest.Mon
 def test_what_would_take_too_long_is_skipped_with_a_reason(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(timing, "Worker", Here)
-    monkeypatch.setattr(timing, "measure", lambda _call, repeats: [6.0] * repeats)
+    monkeypatch.setattr(runner, "Worker", Here)
+    monkeypatch.setattr(solving, "measure", lambda _call, repeats: [6.0] * repeats)
     serial(MATCHES + "pairs = 1" + TIMING + "budget = 7", tmp_path)
     times = tables.load(tmp_path, "timing")
     assert len(set(times["n"])) == 1
@@ -338,4 +323,4 @@ def test_exponents_are_fitted_to_the_large_sets() -> None:
     assert fitted["method"].tolist() == ["gc", "nnsr"]
     np.testing.assert_allclose(fitted["exponent"], [2, 1])
     assert fitted["sizes"].tolist() == [3, 3]
-    assert np.isnan(timing.fit_exponent([100, 100], [1, 2]))
+    assert np.isnan(solving.fit_exponent([100, 100], [1, 2]))

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import sqlite3
-from contextlib import closing
 from typing import TYPE_CHECKING
 
 import pytest
@@ -16,8 +13,7 @@ from cgroup.benchmark import config, tables
 from cgroup.benchmark.config import parse_config, preset_names, read_config, replace_methods
 from cgroup.benchmark.plan import make_plan
 from cgroup.benchmark.problem import Problem
-from cgroup.benchmark.solver import candidate
-from cgroup.benchmark.store import RECORDS
+from cgroup.benchmark.solver import make_solver
 from cgroup.errors import InputError
 
 if TYPE_CHECKING:
@@ -72,11 +68,11 @@ WRONG = [
     *((BARE.replace("}", f", {more}}}"), f"experiment{says}") for more, says in WRONG_EXPERIMENTS),
     *((f"methods = [{each}]\n{BARE}", f"methods{says}") for each, says in WRONG_METHODS),
     *((f'trials.sets = [{{id = "x"{more}}}]', f"trials.sets{says}") for more, says in WRONG_TRIALS),
-    (TWO_FRONTS, "experiment: 'x' is there with two fronts; give each an id"),
+    (TWO_FRONTS, "experiment: 'x' has two fronts; give each an id"),
     ('experiment = [{id = "x"}]', "experiment[0].dataset: Field required"),
     (f'seed = "much"\n{BARE}', "seed: Input should be a valid integer"),
     (f"seed = {2**64}\n{BARE}", f"seed: Input should be less than or equal to {2**64 - 1}"),
-    ("", "experiment, registration, scenes, trials: none is there"),
+    ("", "experiment, registration, scenes, trials: all are missing"),
     ("experiment = [", "not TOML"),
 ]
 
@@ -97,13 +93,10 @@ def test_defaults_of_a_configuration() -> None:
 @pytest.mark.parametrize("seed", [2**63 - 1, 2**63, 2**64 - 1])
 def test_seeds_are_as_large_as_methods_take_them(seed: int, tmp_path: Path) -> None:
     text = f"seed = {seed}\n{MATCHES}pairs = 2"
-    assert serial(text, tmp_path).counts["score"] == (4, 0, 4)
+    assert serial(text, tmp_path).counts["experiment"] == (4, 0, 4)
     frame = tables.load(tmp_path)
     assert [int(each) for each in frame["seed"]] == [seed] * 4
     assert tables.load_config(tmp_path)["seed"] == seed
-    with closing(sqlite3.connect(tmp_path / RECORDS)) as connection:
-        numbers = connection.execute("select numbers from results").fetchall()
-    assert seed in {json.loads(each)["parameters"]["options"].get("seed") for (each,) in numbers}
     known = contents(tmp_path)
     assert serial(text, tmp_path).failed == 0
     assert contents(tmp_path) == known
@@ -158,7 +151,7 @@ def test_presets_can_be_read() -> None:
             continue
         assert set(ids) <= {entry.id for entry in preset.experiment}
         assert preset.timing is not None
-    with pytest.raises(InputError, match="no configuration that can be read, nor one of 3dmatch"):
+    with pytest.raises(InputError, match="neither a readable configuration nor one of 3dmatch"):
         read_config("nowhere.toml")
 
 
@@ -179,8 +172,8 @@ def test_absent_data_is_left_out_and_named(tmp_path: Path) -> None:
     summary = serial(both + "pairs = 2", tmp_path)
     assert summary.missing == {"benchmark_fakes:Absent": "absent: get it from nowhere"}
     assert tables.load_missing(tmp_path) == summary.missing
-    assert summary.counts["correspond"].done == 2
-    with pytest.raises(InputError, match="none of the data sets is at hand.*get it from nowhere"):
+    assert summary.counts["experiment"].done == 4
+    with pytest.raises(InputError, match="all data sets are missing.*get it from nowhere"):
         serial(MATCHES.replace("Matches", "Absent"), tmp_path)
 
 
@@ -191,8 +184,8 @@ def test_absent_data_is_left_out_and_named(tmp_path: Path) -> None:
         ("experiment", "Partial", 'pairs = ["never"]', "has no pair 'never'; the first is 'm0'"),
         ("experiment", "Matches", 'nuisance = "noise"\nlevels = [1]', "takes no nuisance, sweep or front"),
         ("experiment", "Matches", 'front = {matching = "mutual"}', "takes no nuisance, sweep or front"),
-        ("trials.sets", "Matches", 'matches = "C1"', "comes as correspondences; leave out matches"),
-        ("trials.sets", "Clouds", "", "has clouds; matches says how they are matched"),
+        ("trials.sets", "Matches", 'matches = "C1"', "consists of correspondences; leave out matches"),
+        ("trials.sets", "Clouds", "", "has clouds; give matches, the way"),
     ],
 )
 def test_what_the_data_set_does_not_have(table: str, dataset: str, more: str, says: str) -> None:
@@ -202,14 +195,14 @@ def test_what_the_data_set_does_not_have(table: str, dataset: str, more: str, sa
 
 
 KEYS = {
-    "e3adb31a82c311d944385598": ("b3r", "scene0", {"nuisance": "noise", "level": 0.05, "seed": 3}),
-    "e0f14bcdf2e2f08940cca9d7": (
+    "5abd4fee9c4eab9cced54b4e": ("b3r", "scene0", {"nuisance": "noise", "level": 0.05, "seed": 3}),
+    "f8a8b4b7df9b151eb70deffd": (
         "b3r",
         "scene0",
         {"nuisance": "noise", "level": 0.05, "seed": 3, "front": '{"matching": "mutual"}'},
     ),
-    "74d8ec5167dff9ed4a6e534b": ("u3or", "rs1-chef", {"matches": "C5", "nms_radius": 1.5}),
-    "da4e02b84b481fce07e3238a": ("b3r-clean", "a", {"nuisance": "density", "level": 0.3}),
+    "9da047aa2e783c7ebfac5f5f": ("u3or", "rs1-chef", {"matches": "C5", "nms_radius": 1.5}),
+    "6bcf63e6c9aef4d14d89db08": ("b3r-clean", "a", {"nuisance": "density", "level": 0.3}),
 }
 
 
@@ -249,17 +242,15 @@ def test_methods_from_outside_get_seed_and_lengths(tmp_path: Path) -> None:
         assert frame.loc["seeded", pair]["selected"] == frame.loc["r", pair]["selected"]
     [error] = set(frame.loc["benchmark_fakes:wrong_length"]["error"])
     assert "returned bool of shape (3,); return a Grouping or a mask of 60 bool" in error
-    with closing(sqlite3.connect(tmp_path / RECORDS)) as connection:
-        numbers = [json.loads(row[0]) for row in connection.execute("select numbers from results")]
-    parameters = [each["parameters"] for each in numbers if each]
-    assert {"method": "ransac", "options": {"seed": 7, "tolerance": 5, "iterations": 50}} in parameters
+    solver = make_solver("method", "r", "ransac", {"tolerance_pr": 5, "iterations": 50})
+    assert solver.parameters(7, resolution=0.5) == {"seed": 7, "tolerance": 2.5, "iterations": 50}
 
 
 def test_ransac_after_another_method_stays_inside_its_group() -> None:
     matches = benchmark_fakes.Matches().load("m0").correspondences
     for method in ("gc", "gtm"):
         before = group(matches, method)
-        after = candidate("", f"cgroup.benchmark.chained:{method}_then_ransac", {}).group(matches)
+        after = make_solver("method", "", f"cgroup.benchmark.chained:{method}_then_ransac", {}).group(matches)
         assert 3 <= after.size <= before.size
         assert not (after.mask & ~before.mask).any()
 
@@ -271,7 +262,7 @@ def test_pairs_that_lack_files_are_left_out_and_named(tmp_path: Path) -> None:
         "benchmark_fakes:Partial": "1 of 9 pairs lack files: gone (no nowhere/gone.txt)"
     }
     assert tables.load_missing(tmp_path) == summary.missing
-    assert summary.counts["correspond"].done == 2
+    assert summary.counts["experiment"].done == 4
     assert {case.pair for case in make_plan(parse_config(partial), None).sets[0].problems} == {
         f"m{n}" for n in range(8)
     }

@@ -88,7 +88,7 @@ def test_a_lost_scheduler_is_one_line_and_the_run_goes_on_later(
     address, (*_, scheduler) = cluster
 
     def kill_scheduler(stage: str, done: int, _wanted: int) -> None:
-        if stage == "correspond" and done >= 2:
+        if stage == "match" and done >= 2:
             scheduler.kill()
             scheduler.wait()
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import json
 from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +20,6 @@ from cgroup.benchmark.paper.evidence import Evidence
 from cgroup.benchmark.plan import make_plan
 from cgroup.benchmark.problem import Problem
 from cgroup.benchmark.report.sections import _describe_front
-from cgroup.benchmark.results import pack, unpack
 from cgroup.features import ORIGIN, SUPPORT_RADIUS
 from cgroup.registration import DescribedCloud, correspond, describe
 from reference import matching as reference_matching
@@ -43,13 +41,17 @@ def match_case(dataset: str = CLOUD_DATA, front: dict[str, Any] | None = None, *
     """Record of the first stage for the pair a, by a front."""
     asked = make_case(dataset, **case)
     changes = FrontEntry(**(front or {})).changes(asked.detector, asked.nuisance)
-    [record] = matching.match_problems([replace(asked, front=changes)], None)
-    assert record.error == ""
+    record = matching.match_problem(replace(asked, front=changes), None)
+    assert not isinstance(record, str)
     return record
 
 
 def find_matches(*args: Any, **kwargs: Any) -> Correspondences:
-    return unpack(match_case(*args, **kwargs).content)
+    return match_case(*args, **kwargs).matches
+
+
+def assert_equal(one: Correspondences, other: Correspondences) -> None:
+    assert_equal_but(one, other)
 
 
 def assert_equal_but(one: Correspondences, other: Correspondences, *changed: str) -> None:
@@ -72,7 +74,8 @@ def load_clouds() -> Any:
 def test_the_default_front_is_correspond(combination: str, nms_radius: float | None) -> None:
     pair = load_clouds()
     case = make_case(combination=combination, nms_radius=nms_radius)
-    [record] = matching.match_problems([case], None)
+    record = matching.match_problem(case, None)
+    assert not isinstance(record, str)
     matches = correspond(
         pair.source,
         pair.target,
@@ -80,14 +83,14 @@ def test_the_default_front_is_correspond(combination: str, nms_radius: float | N
         descriptor=case.descriptor,  # pyright: ignore[reportArgumentType]
         nms_radius=nms_radius,
     )
-    assert record.content == pack(matches)
-    surface = {"normals": "pca", "source_viewpoint": list(ORIGIN), "target_viewpoint": list(ORIGIN)}
+    assert_equal(record.matches, matches)
+    surface = {"normals": "pca", "source_viewpoint": ORIGIN, "target_viewpoint": ORIGIN, "front": {}}
     detection = {"detector": case.detector, "descriptor": case.descriptor, "nms_radius": nms_radius}
-    assert json.loads(record.parameters) == detection | surface
+    assert record.details["parameters"] == detection | surface
     clouds = matching.add_normals(pair, "pca")
     steps: list[str] = []
-    assert pack(match_by_front(case, clouds, pair, steps.append)) == record.content
-    assert steps == list(json.loads(record.seconds))[: len(steps)]
+    assert_equal(match_by_front(case, clouds, pair, steps.append), record.matches)
+    assert steps == list(record.details["seconds"])[: len(steps)]
 
 
 # --- one field each ----------------------------------------------------------------------------------
@@ -126,16 +129,16 @@ def test_normals(nuisance: dict[str, Any]) -> None:
         pair = benchmark_fakes.noise(pair, 0.1, case.rng("nuisance"))
     mesh = find_matches(MESH_DATA, **nuisance)
     pca = find_matches(MESH_DATA, {"normals": "pca"}, **nuisance)
-    assert pack(mesh) == pack(correspond(pair.source, pair.target, normals="mesh"))
-    assert pack(pca) == pack(correspond(pair.source, pair.target, normals="pca"))
-    assert pack(mesh) != pack(pca)
-    assert pack(find_matches(MESH_DATA, {"normals": "mesh"}, **nuisance)) == pack(mesh)
-    parameters = json.loads(match_case(MESH_DATA, {"normals": "pca"}, **nuisance).parameters)
+    assert_equal(mesh, correspond(pair.source, pair.target, normals="mesh"))
+    assert_equal(pca, correspond(pair.source, pair.target, normals="pca"))
+    assert not np.array_equal(mesh.source_lrf, pca.source_lrf)
+    assert_equal(find_matches(MESH_DATA, {"normals": "mesh"}, **nuisance), mesh)
+    parameters = match_case(MESH_DATA, {"normals": "pca"}, **nuisance).details["parameters"]
     assert (parameters["normals"], parameters["front"]) == ("pca", {"normals": "pca"})
 
 
 def test_clouds_without_faces_have_fitted_normals() -> None:
-    assert pack(find_matches(front={"normals": "mesh"})) == pack(find_matches())
+    assert_equal(find_matches(front={"normals": "mesh"}), find_matches())
 
 
 @pytest.mark.parametrize("combination", ["C1", "C2"])
@@ -191,8 +194,8 @@ def test_resolution() -> None:
     assert len(set(expected.values())) == len(expected)
     for name, pr in expected.items():
         found = match_case(front={"resolution": name}, **noise)
-        assert found.pr == unpack(found.content).resolution == pr
-        assert found.content == pack(correspond(noisy.source, noisy.target, resolution=pr))
+        assert found.pr == found.matches.resolution == pr
+        assert_equal(found.matches, correspond(noisy.source, noisy.target, resolution=pr))
 
 
 @pytest.mark.parametrize("combination", ["C2", "C3"])
@@ -262,7 +265,7 @@ def test_a_run_with_a_front_goes_on_and_keeps_the_default_apart(tmp_path: Path, 
     out = tmp_path / "out"
     serial(CLOUDS, out)
     before = set(map(repr, contents(out)))
-    assert serial(MUTUAL, out).counts["correspond"] == (8, 0, 8)
+    assert serial(MUTUAL, out).counts["experiment"] == (16, 0, 16)
     assert before <= set(map(repr, contents(out)))
     assert log.read_text().count("noise a 0.1") == 2
     log.write_text("")
@@ -295,7 +298,7 @@ def test_failed_cases_with_a_front_are_tried_again_with_it(tmp_path: Path, log: 
     serial(text, tmp_path / "out")
     log.write_text("")
     summary = serial(text, tmp_path / "out", retry_failed=True)
-    assert (summary.counts["correspond"].failed, log.read_text().count("load broken")) == (4, 4)
+    assert (summary.counts["experiment"].failed, log.read_text().count("load broken")) == (8, 4)
     frame = tables.load(tmp_path / "out")
     assert set(frame["front"]) == {"", '{"matching": "mutual"}'}
     assert set(frame["error"]) == {"OSError: this pair is broken"}

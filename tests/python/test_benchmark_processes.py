@@ -107,7 +107,7 @@ def test_workers_end_with_the_run_even_while_they_compute(
         assert "run the same command again to continue" in out
         assert err == ("cgroup: interrupted\n" if how == signal.SIGINT else "")
     assert is_sound(tmp_path / "out")
-    assert serial(config.read_text(), tmp_path / "out").counts["group"] == (8, 0, 8)
+    assert serial(config.read_text(), tmp_path / "out").counts["experiment"] == (8, 0, 8)
 
 
 @linux_only
@@ -134,7 +134,7 @@ def test_two_interrupts_are_as_one(pause: float, tmp_path: Path, log: Path) -> N
     assert (run.returncode, err) == (130, "cgroup: interrupted\n")
     assert out.count("\n") <= 1
     wait_for_end_of_all(tmp_path)
-    assert serial(SLOW, tmp_path / "out").counts["group"] == (16, 0, 16)
+    assert serial(SLOW, tmp_path / "out").counts["experiment"] == (16, 0, 16)
 
 
 def test_a_run_in_the_background_stays_deaf_to_ctrl_c(tmp_path: Path, log: Path) -> None:
@@ -234,7 +234,7 @@ def test_two_runs_at_once_and_readers_beside_them(
     gate.wait_for(1)
     status, printed, err = cgroup_benchmark("run", config, "--out", out)
     assert (status, printed, err.count("\n")) == (2, "", 1)
-    assert "another run is at work there" in err
+    assert "another run is using it" in err
     seen = 0
     for calls in range(8):
         gate.open_for(1)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 import sqlite3
 from contextlib import closing
@@ -17,8 +16,7 @@ from benchmark_runs import CLOUDS, MATCHES, contents, serial
 from cgroup import group
 from cgroup.benchmark import problem, solving, tables
 from cgroup.benchmark.problem import Problem
-from cgroup.benchmark.results import pack, unpack
-from cgroup.benchmark.solver import candidate
+from cgroup.benchmark.results import Matched, pack, unpack
 from cgroup.benchmark.store import RECORDS
 from cgroup.datasets import standin_pair
 from cgroup.errors import InputError, NoConsensusError
@@ -72,27 +70,8 @@ def test_records_say_what_the_methods_did(clouds: Path) -> None:
         assert row.translation_error_pr == pytest.approx(expected / pr)
 
 
-def test_columns(clouds: Path) -> None:
+def test_columns_of_facts_and_plans(clouds: Path) -> None:
     frame = tables.load(clouds)
-    assert set(frame.columns) == {
-        *("dataset", "origin", "pair", "nuisance", "level", "combination", "detector", "descriptor"),
-        *(
-            "front",
-            "nms_radius",
-            "clutter",
-            "occlusion",
-            "overlap",
-            "n",
-            "correct",
-            "inlier_ratio",
-            "pr",
-            "method",
-        ),
-        *("epsilon", "selected", "selected_correct", "precision", "recall", "f_score", "registered"),
-        *("rotation_error", "translation_error", "translation_error_pr", "rmse_pr", "seconds"),
-        *("experiments", "error", "version", "seed", "machine", "case"),
-        "ok:rmse<=5pr",
-    }
     row = frame.iloc[0]
     assert (row["detector"], row["descriptor"], row["overlap"]) == ("h3d", "shot", 0.9)
     assert np.isnan(row["clutter"])
@@ -102,17 +81,21 @@ def test_columns(clouds: Path) -> None:
     assert tables.load_datasets(clouds)["title"].tolist() == ["Clouds"]
 
 
-def test_registered_is_the_papers_criterion_as_stored(tmp_path: Path) -> None:
-    serial(MATCHES + "epsilons = [0.01, 5]", tmp_path)
-    frame = tables.load(tmp_path)
-    with closing(sqlite3.connect(tmp_path / RECORDS)) as connection:
-        rows = connection.execute("select problem, solver, epsilon, protocols from scores").fetchall()
-    stored = {tuple(key): json.loads(protocols)["precision>0.1"] for *key, protocols in rows}
-    assert len(stored) == len(frame)
-    for row in frame.itertuples():
-        key = (row.case, candidate("", str(row.method), {}).key, row.epsilon)
-        assert stored[key] == row.registered
-    assert set(stored.values()) == {True, False}
+def test_protocols_of_a_data_set_are_judged_by_pose_and_precision(clouds: Path, tmp_path: Path) -> None:
+    frame = tables.load(clouds)
+    posed = frame["rotation_error"].notna()
+    np.testing.assert_array_equal(frame["ok:rmse<=5pr"].astype(bool), posed & (frame["rmse_pr"] <= 5))
+    np.testing.assert_array_equal(frame["registered"], frame["precision"] > 0.1)
+    serial(
+        MATCHES.replace('"ransac", "gtm"', '"benchmark_fakes:first"').replace(
+            '"benchmark_fakes:first"', '{ name = "benchmark_fakes:first", options = { count = 2 } }'
+        ),
+        tmp_path,
+    )
+    few = tables.load(tmp_path)
+    assert few["rotation_error"].isna().all(), "two matches fix no pose"
+    assert few["ok:rmse<=5pr"].tolist() == [False] * len(few)
+    assert few["registered"].all()
 
 
 def test_groups_of_a_case(clouds: Path) -> None:
@@ -136,22 +119,23 @@ def test_the_overlap_error_is_the_mean_displacement_in_pr() -> None:
     sample = problem.overlap_sample(source, source[source[:, 0] < 0.5], truth, 0.01, rng)
     assert len(sample) == problem.OVERLAP_SAMPLE
     assert sample[:, 0].max() < 0.5 + 4 * 0.01
-    judged = solving.Truth("", truth, np.zeros(3), sample, 0.01, ("rmse<=5pr", "precision>0.1"))
-    [score] = solving.score_grouping(judged, "", np.packbits([1, 1, 0]).tobytes(), pose.tobytes(), [5])
-    assert score.rmse == pytest.approx(6)
-    assert json.loads(score.protocols) == {"rmse<=5pr": False, "precision>0.1": True}
-    [score] = solving.score_grouping(judged, "", np.packbits([1, 1, 0]).tobytes(), None, [5])
-    assert (score.rmse, score.rotation_error) == (None, None)
-    assert json.loads(score.protocols)["rmse<=5pr"] is False
+    errors = solving.measure_pose(pose, truth, sample, 0.01)
+    assert errors == pytest.approx((0, 0.06, 6))
+    assert np.isnan(solving.measure_pose(pose, truth, sample[:0], 0.01)[2])
 
 
 def test_correspondences_survive_packing() -> None:
     pair = standin_pair(pixels=60)
     matches = correspond(pair.source, pair.target)
-    packed = pack(matches)
-    assert pack(unpack(packed)) == packed
+    sample = pair.source.points[:7]
+    given = Matched(matches, pair.T_target_source, sample, 0.25, {"overlap": 0.5})
+    found = unpack(pack(given))
+    assert pack(found) == pack(given)
+    assert (found.pr, found.facts) == (0.25, {"overlap": 0.5})
+    np.testing.assert_array_equal(found.truth, given.truth)
+    np.testing.assert_array_equal(found.sample, sample)
     for method in ("ss", "si", "3dhv", "ransac"):
-        one, other = (group(given, method) for given in (matches, unpack(packed)))
+        one, other = (group(each, method) for each in (matches, found.matches))
         np.testing.assert_array_equal(one.mask, other.mask)
 
 
@@ -225,15 +209,15 @@ def test_matches_that_cannot_be_unpacked_are_made_again(more: str, clouds: Path,
     out = tmp_path / "out"
     shutil.copytree(clouds, out)
     with closing(sqlite3.connect(out / RECORDS, isolation_level=None)) as connection:
-        connection.execute("update arrays set content = zeroblob(7) where rowid = 1")
-        [damaged] = connection.execute("select problem from arrays where rowid = 1").fetchone()
+        connection.execute("update matches set content = zeroblob(7) where rowid = 1")
+        [damaged] = connection.execute("select problem from matches where rowid = 1").fetchone()
     with pytest.raises(InputError, match="can't be read"):
         tables.load_groups(out, damaged)
     serial(CLOUDS + more, out)
     assert tables.load(out)["error"].eq("").all()
     serial(CLOUDS + more, tmp_path / "whole")
-    made = [row for row in contents(out) if row[0] == "arrays"]
-    assert made == [row for row in contents(tmp_path / "whole") if row[0] == "arrays"]
+    made = [row for row in contents(out) if row[0] == "matches"]
+    assert made == [row for row in contents(tmp_path / "whole") if row[0] == "matches"]
 
 
 def test_another_layout_is_refused(tmp_path: Path) -> None:

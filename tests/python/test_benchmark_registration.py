@@ -80,8 +80,8 @@ def test_every_pipeline_registers_every_pair(frame: pd.DataFrame) -> None:
 
 
 def test_poses_are_judged_by_both_limits(frame: pd.DataFrame) -> None:
-    related = frame[frame["kind"] == "related"].set_index("pipeline")
-    judged = related[["right", "accurate"]].groupby("pipeline").all()
+    related = frame[frame["kind"] == "related"].set_index("method")
+    judged = related[["right", "accurate"]].groupby("method").all()
     assert judged["right"].to_dict() == {"right": True, "rough": True, "wrong": False, "none": False}
     assert judged["accurate"].to_dict() == {"right": True, "rough": False, "wrong": False, "none": False}
     np.testing.assert_allclose(related.loc["rough", "translation_error"], 0.5)
@@ -95,11 +95,11 @@ def test_unrelated_clouds_have_no_right_pose(frame: pd.DataFrame) -> None:
     unrelated = frame[frame["kind"] != "related"]
     assert not unrelated["right"].any()
     assert unrelated[["rotation_error", "overlap"]].isna().all(axis=None)
-    assert unrelated[unrelated["pipeline"] == "wrong"]["ok"].all()
+    assert unrelated[unrelated["method"] == "wrong"]["ok"].all()
 
 
 def test_stages_are_timed(frame: pd.DataFrame) -> None:
-    right = frame[frame["pipeline"] == "right"]
+    right = frame[frame["method"] == "right"]
     assert set(right.iloc[0]["stages"]) == {"source features", "target features", "pose"}
     assert right["seconds"].tolist() == [sum(stages.values()) for stages in right["stages"]]
 
@@ -107,19 +107,19 @@ def test_stages_are_timed(frame: pd.DataFrame) -> None:
 def test_nothing_is_registered_twice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     log = tmp_path / "log"
     monkeypatch.setenv("FAKES_LOG", str(log))
-    assert serial(SETS, tmp_path / "out").counts["register"] == (12, 0, 12)
+    assert serial(SETS, tmp_path / "out").counts["registration"] == (12, 0, 12)
     calls = log.read_text().count("shifting")
     assert calls == 9
     more = SETS.replace(
         'label = "none" }', 'label = "none" },\n{ name = "benchmark_fakes:shifting", options = { by = 1 } }'
     )
-    assert serial(more, tmp_path / "out").counts["register"].wanted == 15
+    assert serial(more, tmp_path / "out").counts["registration"].wanted == 15
     assert log.read_text().count("shifting") == calls + 3
 
 
 def test_what_fails_is_recorded_and_the_rest_goes_on(tmp_path: Path) -> None:
     summary = serial(BROKEN, tmp_path)
-    found = tables.load(tmp_path, "registration").set_index(["pipeline", "pair", "kind"])
+    found = tables.load(tmp_path, "registration").set_index(["method", "pair", "kind"])
     errors = found["error"].to_dict()
     assert errors["raising", "a", "related"] == "ArithmeticError: can't do this"
     assert errors["lethal", "a", "related"] == KILLED
@@ -128,12 +128,14 @@ def test_what_fails_is_recorded_and_the_rest_goes_on(tmp_path: Path) -> None:
     mirrored = [kind for kind in errors if kind[2] == "mirrored"]
     assert len(mirrored) == 3
     assert (
-        summary.failed == sum(error != "" for error in errors.values()) == summary.counts["register"].failed
+        summary.failed
+        == sum(error != "" for error in errors.values())
+        == summary.counts["registration"].failed
     )
     store = Store(tmp_path / RECORDS)
     assert ("lethal", KILLED) in {failure[:2] for failure in tables.load_failures(tmp_path)}
     store.forget_failures()
-    assert store.counts()["register"].failed == 0
+    assert store.counts()["registration"].failed == 0
     store.close()
 
 
@@ -174,7 +176,7 @@ def test_mistakes_are_named(old: str, new: str, message: str) -> None:
 
 
 def test_sets_need_clouds_and_names_of_their_own() -> None:
-    with pytest.raises(InputError, match="registering needs clouds"):
+    with pytest.raises(InputError, match="registration needs clouds"):
         make_plan(parse_config(SETS.replace("Views", "Matches")), None)
     again = "[[registration.sets]]" + SETS.partition("[[registration.sets]]")[2]
     with pytest.raises(InputError, match="give each an id of its own"):
@@ -195,7 +197,7 @@ def test_a_set_has_its_voxel_its_pipelines_and_a_split_by_overlap(tmp_path: Path
     serial(SETS + more, tmp_path)
     found = tables.load(tmp_path, "registration")
     assert (found["voxel"] == 0.125).all()
-    assert found["pipeline"].tolist() == ["right", "rough"]
+    assert found["method"].tolist() == ["right", "rough"]
     assert set(found["column"]) == {"views, overlap < 0.95"}
     assert answer_table(found).headers[1] == "views, overlap < 0.95 (1)"
 

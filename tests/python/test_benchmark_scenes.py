@@ -148,7 +148,7 @@ def test_scans_of_a_stone_become_one_scene_and_the_report_shows_it(tmp_path):
         "seed 0",
         "related",
     )
-    assert (row["solver"], row["scans"], row["placed"], row["tried"]) == ("register-all", 6, 6, 15)
+    assert (row["method"], row["scans"], row["placed"], row["tried"]) == ("register-all", 6, 6, 15)
     assert (row["right"], row["wanted"], row["mixed"], row["error"]) == (1, 1, 0, "")
     assert row["seconds"] == sum(row["stages"].values()) > 0
     assert len(row["rotation"]) == len(row["translation"]) == 15
@@ -211,7 +211,7 @@ def test_a_place_that_is_not_at_hand_leaves_its_set_out(tmp_path, places):
     config.write_text(STONE.replace("stone:0", "nowhere"))
     status, _, errors = cgroup_benchmark("run", config, "--data", places, "--out", tmp_path / "out")
     assert status == 2
-    assert errors.startswith("cgroup: --data: none of the data sets is at hand; nowhere: ")
+    assert errors.startswith("cgroup: --data: all data sets are missing; nowhere: ")
     assert "no scans with poses" in errors
 
 

@@ -14,14 +14,14 @@ from cgroup.benchmark import tables
 from cgroup.benchmark.config import parse_config, read_config
 from cgroup.benchmark.plan import make_plan
 from cgroup.benchmark.report import write_report
-from cgroup.benchmark.report.trial_tables import (
+from cgroup.benchmark.report.trials import (
     cost_table,
+    describe_set,
     failure_table,
     level_table,
     overview_table,
     ranking,
 )
-from cgroup.benchmark.report.trials import describe_set
 from cgroup.benchmark.results import KILLED
 from cgroup.benchmark.stats import bootstrap, comparable, holm, mcnemar, rank_methods, signed_rank
 from cgroup.cli import main
@@ -122,13 +122,13 @@ def test_groups_and_poses_are_judged(frame: pd.DataFrame) -> None:
 def test_the_table_of_levels_spreads_one_over_columns(frame: pd.DataFrame) -> None:
     table = level_table(comparable(frame))
     assert table is not None
-    assert table.headers == ("method", "share of right ones", "matches", "good", "none")
+    assert table.headers == ("method", "share of correct ones", "matches", "good", "none")
 
 
 def test_what_cannot_be_run_is_recorded(bare: tuple[Path, Summary]) -> None:
     out, summary = bare
     found = tables.load(out, "matches")
-    assert summary.counts["try"].wanted == len(found) == 20
+    assert summary.counts["matches"].wanted == len(found) == 20
     by_method = found.groupby("method")
     assert set(by_method.get_group("ss")["skipped"]) == {"needs similarity, which these matches lack"}
     assert set(by_method.get_group("failing")["error"]) <= {"", "ArithmeticError: too far to the right"}
@@ -169,7 +169,7 @@ def test_calls_that_take_too_long_are_given_up_and_tried_again_with_more_time(
     given_up = tables.load(tmp_path, "matches")["skipped"].tolist()
     assert given_up == ["took longer than 1 s"] * 2 + ["not run: took longer than 1 s on 60 matches"] * 2
     monkeypatch.setenv("FAKES_END", "1")
-    assert serial(text, tmp_path).counts["try"].wanted == 4
+    assert serial(text, tmp_path).counts["matches"].wanted == 4
     assert tables.load(tmp_path, "matches")["skipped"].ne("").sum() == 4, "nothing is tried again as it is"
     serial(text.replace("limit = 1", "limit = 60"), tmp_path)
     assert tables.load(tmp_path, "matches")["skipped"].eq("").all()

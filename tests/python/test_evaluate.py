@@ -728,8 +728,8 @@ preset = "3dmatch"
 pairs = 4
 """
     serial(text, tmp_path, root=data_folder("threedmatch"))
-    write_poses(tmp_path / "poses", tables.load_poses(tmp_path))
     rows = tables.load(tmp_path, "matches")
+    write_poses(tmp_path / "poses", [rows])
     truth = read_truth(tmp_path / "poses/3DMatch/truth")
     for method in ("lc", "sc2pcr"):
         (found,) = read_results(tmp_path / "poses/3DMatch" / method, truth)

@@ -13,7 +13,7 @@ from cgroup._runtime.progress import StageClock
 from cgroup.benchmark import tables
 from cgroup.benchmark.config import parse_config
 from cgroup.benchmark.pipelines import Clouds
-from cgroup.benchmark.solver import candidate
+from cgroup.benchmark.solver import make_solver
 from cgroup.datasets import open_dataset, standin_pair
 from cgroup.errors import InputError
 from cgroup.io import write_cloud, write_transform
@@ -67,7 +67,7 @@ def test_a_name_that_the_module_lacks_is_refused() -> None:
 def test_the_method_is_run(mymodule: ModuleType) -> None:
     pair = standin_pair(pixels=60)
     matches = correspond(pair.source, pair.target)
-    found = candidate("closest", "mymodule:closest_descriptors", {"share": 0.1}).group(matches)
+    found = make_solver("method", "closest", "mymodule:closest_descriptors", {"share": 0.1}).group(matches)
     assert 0 < found.size < 0.2 * len(matches)
     assert 0 < mymodule.score.precision <= 1
 

@@ -6,7 +6,7 @@ from public_calls import MATCHES, PAIR, VOXEL
 
 import cgroup
 from cgroup.benchmark.config import parse_config, replace_methods
-from cgroup.benchmark.solver import candidate
+from cgroup.benchmark.solver import make_solver
 from cgroup.comparison import compare
 from cgroup.errors import InputError
 from cgroup.group import check_method
@@ -81,7 +81,7 @@ dataset = "standin"
     config = parse_config(text)
     candidates = [entry.solver() for entry in config.methods]
     assert [(each.name, each.label) for each in candidates] == [("gtm", "gtm"), ("3dhv", "Hough (mine)")]
-    assert candidates[0] == candidate("", "gtm", {})
+    assert candidates[0] == make_solver("method", "", "gtm", {})
     replaced = replace_methods(config, ["Paper", " SC2-PCR"])
     assert [entry.solver().name for entry in replaced.methods] == [*cgroup.PAPER_METHODS, "sc2pcr"]
     with pytest.raises(InputError, match="or give module:function; did you mean 'gtm'"):

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from cgroup.benchmark.pipelines import PIPELINES, Clouds, own
-from cgroup.benchmark.solver import make_pipeline
+from cgroup.benchmark.solver import make_solver
 from cgroup.datasets import standin_pair
 from cgroup.errors import NoConsensusError
 from cgroup.evaluation import rotation_error, translation_error
@@ -46,7 +46,7 @@ def pair() -> Clouds:
 )
 def test_our_own_find_the_pose(problem: Clouds, name: str, options: dict[str, Any]) -> None:
     truth = standin_pair(pixels=100).T_target_source
-    answer, seconds = make_pipeline("", name, options).register(problem)
+    answer, seconds = make_solver("pipeline", "", name, options).register(problem)
     assert answer.ok
     assert answer.T_target_source is not None
     assert rotation_error(answer.T_target_source, truth) < 3
@@ -61,7 +61,7 @@ def test_viewpoints_are_told_or_not(problem: Clouds, monkeypatch: pytest.MonkeyP
         return_value=SimpleNamespace(T_target_source=POSE, ok=True, probability=0.9, covariance=None)
     )
     monkeypatch.setattr(own, "register", register)
-    answer, _ = make_pipeline("", "cgroup", {"viewpoints": told, "effort": "low"}).register(problem)
+    answer, _ = make_solver("pipeline", "", "cgroup", {"viewpoints": told, "effort": "low"}).register(problem)
     assert answer.T_target_source is POSE
     assert answer.probability == 0.9
     given = register.call_args.kwargs
@@ -75,14 +75,14 @@ def test_the_best_guess_of_a_refusal_is_an_answer(problem: Clouds, monkeypatch: 
     for guess in (POSE, None):
         found = SimpleNamespace(T_target_source=POSE, ok=False, probability=0.1, covariance=None)
         refusal.registration = None if guess is None else found  # pyright: ignore[reportAttributeAccessIssue]
-        answer, _ = make_pipeline("", "cgroup", {}).register(problem)
+        answer, _ = make_solver("pipeline", "", "cgroup", {}).register(problem)
         assert answer.T_target_source is guess
         assert not answer.ok
 
 
 def test_matches_that_fix_no_pose_are_no_answer(problem: Clouds, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(own, "group", Mock(side_effect=NoConsensusError))
-    answer, _ = make_pipeline("", "cgroup-matches", {}).register(problem)
+    answer, _ = make_solver("pipeline", "", "cgroup-matches", {}).register(problem)
     assert answer.T_target_source is None
     assert not answer.ok
 
@@ -103,7 +103,7 @@ def test_kiss_matcher_works_at_its_own_scale(
     matcher.get_num_final_inliers.return_value = inliers
     for name in ("processing", "extraction", "matching"):
         getattr(matcher, f"get_{name}_time").return_value = 0.0
-    answer, seconds = make_pipeline("", "kiss-matcher", {}).register(pair)
+    answer, seconds = make_solver("pipeline", "", "kiss-matcher", {}).register(pair)
     library.KISSMatcherConfig.assert_called_once_with(0.3)
     library.KISSMatcher.assert_called_once_with(library.KISSMatcherConfig.return_value)
     np.testing.assert_allclose(matcher.estimate.call_args.args, [pair.source * 0.15, pair.target * 0.15])
@@ -130,16 +130,18 @@ def test_refinement_starts_from_the_pose_at_its_own_scale(
         return SimpleNamespace(T_target_source=moved)
 
     monkeypatch.setitem(sys.modules, "small_gicp", SimpleNamespace(align=align))  # pyright: ignore[reportArgumentType]
-    refined = make_pipeline("", "benchmark_fakes:shifting", {}, refined=True)
+    refined = make_solver("pipeline", "", "benchmark_fakes:shifting", {}, refined=True)
     answer, seconds = refined.register(pair)
     assert answer.T_target_source is not None
     np.testing.assert_allclose(answer.T_target_source[:3, 3], (2, 2, 3))
     assert list(seconds)[-1] == "refinement"
     assert (
-        make_pipeline("", "benchmark_fakes:poseless", {}, refined=True).register(pair)[0].T_target_source
+        make_solver("pipeline", "", "benchmark_fakes:poseless", {}, refined=True)
+        .register(pair)[0]
+        .T_target_source
         is None
     )
-    assert refined.key != make_pipeline("", "benchmark_fakes:shifting", {}).key
+    assert refined.key != make_solver("pipeline", "", "benchmark_fakes:shifting", {}).key
 
 
 @pytest.fixture
@@ -168,7 +170,7 @@ def test_open3d_gets_the_parameters_of_its_tutorial(pair: Clouds, open3d: Mock) 
         ("open3d-ransac", registration.registration_ransac_based_on_feature_matching),
         ("open3d-fgr", registration.registration_fgr_based_on_feature_matching),
     ):
-        answer, seconds = make_pipeline("", name, {}).register(pair)
+        answer, seconds = make_solver("pipeline", "", name, {}).register(pair)
         np.testing.assert_array_equal(answer.T_target_source, POSE)
         assert answer.ok
         assert run.call_args.args[0].mock_calls == [
@@ -187,7 +189,7 @@ def test_open3d_is_told_viewpoints_and_may_find_nothing(pair: Clouds, open3d: Mo
     run = open3d.pipelines.registration.registration_ransac_based_on_feature_matching
     run.return_value.fitness = 0.0
     known = Clouds(pair.source, pair.target, (1, 2, 3), None, voxel=2.0)
-    answer, _ = make_pipeline("", "open3d-ransac", {}).register(known)
+    answer, _ = make_solver("pipeline", "", "open3d-ransac", {}).register(known)
     assert answer.T_target_source is None
     assert not answer.ok
     source, target = run.call_args.args[:2]
@@ -196,8 +198,8 @@ def test_open3d_is_told_viewpoints_and_may_find_nothing(pair: Clouds, open3d: Mo
 
 
 def test_labels_do_not_change_what_is_computed() -> None:
-    one, other = (make_pipeline(label, "cgroup", {"effort": "low"}) for label in ("", "other"))
-    assert one.key == other.key != make_pipeline("", "cgroup", {}).key
+    one, other = (make_solver("pipeline", label, "cgroup", {"effort": "low"}) for label in ("", "other"))
+    assert one.key == other.key != make_solver("pipeline", "", "cgroup", {}).key
     assert (one.label, other.label) == ("cgroup", "other")
     assert one.why_missing() == ""
     assert all(info.title for info in PIPELINES.values())

@@ -15,7 +15,7 @@ from wrong_values import HUGE, WRONG, FloatLike
 
 import cgroup
 from cgroup import plots, registration
-from cgroup.benchmark.solver import candidate, make_pipeline
+from cgroup.benchmark.solver import make_solver
 from cgroup.errors import CgroupError, InputError
 from cgroup.io import PointCloud
 
@@ -66,8 +66,8 @@ def run(call: Call, parameter: inspect.Parameter, value: Any) -> str | None:
             ),
         ),
         ("keypoints", lambda: plots.keypoints_figure(PROBLEM.source, {b"iss": [0]}, title="")),  # pyright: ignore[reportArgumentType]
-        ("options", lambda: candidate("", "gc", {1: 2})),  # pyright: ignore[reportArgumentType]
-        ("options", lambda: make_pipeline("", "cgroup", {1: 2})),  # pyright: ignore[reportArgumentType]
+        ("options", lambda: make_solver("method", "", "gc", {1: 2})),  # pyright: ignore[reportArgumentType]
+        ("options", lambda: make_solver("pipeline", "", "cgroup", {1: 2})),  # pyright: ignore[reportArgumentType]
     ],
 )
 def test_names_that_are_no_text_are_refused(parameter: str, call: Callable[[], object]) -> None:

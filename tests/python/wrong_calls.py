@@ -16,7 +16,7 @@ from placed_scenes import known_scene
 
 import cgroup
 from cgroup import datasets, registration, types
-from cgroup.benchmark import config, pipelines, solver
+from cgroup.benchmark import config
 from cgroup.scenes import PoseGraph, prepare_map
 
 CLOUD = types.PointCloud(np.eye(3))
@@ -114,23 +114,6 @@ WRONG_CALLS: dict[str, list[Callable[[Any], Any]]] = {
     "cgroup.pages.registration_page": [given(CLOUD, CLOUD, 3)],
     "cgroup.pages.scene_page": [given(PAIR)],
     "cgroup.pages.write_page": [given(NOWHERE / "page.html", "")],
-    "cgroup.benchmark.solver.Solver.group": [lambda _: solver.candidate("", "gc", {}).group(BARE)],
-    "cgroup.benchmark.solver.Solver.parameters": [
-        lambda _: solver.candidate("", "lc", {"tolerance_pr": 1}).parameters(0, None),
-    ],
-    "cgroup.benchmark.solver.Solver.register": [
-        lambda _: solver.make_pipeline("", "cgroup", {}).register(
-            pipelines.Clouds(PROBLEM.source, PROBLEM.target, None, None, voxel=-1)
-        ),
-    ],
-    "cgroup.benchmark.solver.Solver.register_scans": [
-        lambda _: solver.make_scene_solver("", "register-all", {}).register_scans(
-            pipelines.Scans([PROBLEM.source, PROBLEM.target], voxel=-1)
-        ),
-    ],
-    "cgroup.benchmark.solver.candidate": [given("", "nonsense", {})],
-    "cgroup.benchmark.solver.make_pipeline": [given("", "nonsense", {})],
-    "cgroup.benchmark.solver.make_scene_solver": [given("", "nonsense", {})],
     **{
         f"cgroup.benchmark.config.{name}": [given(nonsense=1)]
         for name in ("Config", *(name for name in config.__all__ if name.endswith("Entry")))
@@ -144,7 +127,6 @@ WRONG_CALLS: dict[str, list[Callable[[Any], Any]]] = {
     ],
     "cgroup.benchmark.tables.exponents": [given(pd.DataFrame())],
     "cgroup.benchmark.tables.load_groups": [given(NOWHERE, "nonsense")],
-    "cgroup.benchmark.tables.load_poses": [given(NOWHERE)],
     "cgroup.benchmark.tables.load": [given(NOWHERE)],
     "cgroup.scenes.PoseGraph": [given([np.ones((4, 4))], [], [], [])],
     "cgroup.scenes.PoseGraph.read": [given(PoseGraph, NOWHERE)],

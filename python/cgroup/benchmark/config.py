@@ -1,13 +1,14 @@
-"""What is to be run, read from TOML: sets of problems, and what solves them."""
+"""Configurations of a run: sets of problems and the solvers that run on them, read from TOML."""
 
 from __future__ import annotations
 
 import itertools
 import json
 import sys
+from collections.abc import Iterable, Sequence
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeAlias, TypeVar
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias, TypeVar
 
 from pydantic import (
     AfterValidator,
@@ -21,7 +22,7 @@ from pydantic import (
 
 from cgroup._checks.values import LARGEST_COUNT
 from cgroup.benchmark.problem import COMBINATIONS, DENSE_MATCHES, Task
-from cgroup.benchmark.solver import Solver, candidate, make_pipeline, make_scene_solver
+from cgroup.benchmark.solver import Solver, SolverKind, make_solver
 from cgroup.datasets.generated_matches import Recipe, read_recipe
 from cgroup.errors import InputError
 from cgroup.evaluation.protocols import PROTOCOLS
@@ -33,39 +34,30 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib  # pyright: ignore[reportMissingImports] - on Python 3.10 only
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-__all__ = [
-    "METHOD_SETS",
-    "Config",
-    "parse_config",
-    "preset_names",
-    "read_config",
-]
+__all__ = ["Config", "parse_config", "read_config"]
 
 METHOD_SETS = {"paper": PAPER_METHODS, "all": tuple(METHODS)}
-"""What a configuration may write in place of names: the nine that the paper compares, and all that exist."""
+"""Names that stand for several methods: the nine of the paper, and all that exist."""
 
 FEWEST = 4
-"""Generated problems with fewer right matches, but not none, are left out: hardly anything fixes a pose."""
+"""Generated problems with 1 to 3 correct matches are left out: these fix no pose."""
 
 _PRESETS = resources.files("cgroup.benchmark") / "presets"
 
 
 class Table(BaseModel):
-    """A table of a configuration: unknown keys are errors."""
+    """Table of a configuration; unknown keys are errors."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 def as_list(value: object) -> object:
-    """Accept one in place of a list of one."""
+    """Return a single value as a list of one."""
     return [value] if isinstance(value, (str, int, float)) else value
 
 
 def _expand_method_sets(value: object) -> object:
-    """Replace the names of sets by those of their methods; anything else is validated later."""
+    """Replace names of method sets by the names of their methods; other values are validated later."""
     entries = [value] if isinstance(value, str) else value
     if not isinstance(entries, list):
         return entries
@@ -74,7 +66,7 @@ def _expand_method_sets(value: object) -> object:
 
 
 def _one_of(choices: Iterable[str], what: str = "one of ") -> AfterValidator:
-    """Refuse other words."""
+    """Return a validator that raises for other words."""
 
     def check(value: str) -> str:
         if value not in choices:
@@ -97,8 +89,9 @@ RotationLimit = Annotated[str, _one_of(_ROTATING, "a limit of the rotation: ")]
 
 
 class MethodEntry(Table):
-    """A grouping method, its options, and the label that tells it from its variants."""
+    """A grouping method with its options; variants of a method differ in their labels."""
 
+    kind: ClassVar[SolverKind] = "method"
     name: str
     label: str = ""
     options: dict[str, Any] = Field(default_factory=dict[str, Any])
@@ -114,33 +107,29 @@ class MethodEntry(Table):
         return self
 
     def solver(self) -> Solver:
-        """Make what the runner runs; the name stands in for a missing label."""
-        return candidate(self.label, self.name, self.options)
+        """Make the solver; an empty label is replaced by the name."""
+        refined = getattr(self, "refined", False)
+        return make_solver(self.kind, self.label, self.name, self.options, refined=refined)
 
 
 class PipelineEntry(MethodEntry):
-    """A way to register, its options, and the label that tells it from its variants."""
+    """A pipeline that registers two clouds."""
 
+    kind: ClassVar[SolverKind] = "pipeline"
     refined: bool = False
-
-    def solver(self) -> Solver:
-        """Make what the runner runs; the name stands in for a missing label."""
-        return make_pipeline(self.label, self.name, self.options, refined=self.refined)
 
 
 class SceneSolverEntry(MethodEntry):
-    """A way to register many scans, its options, and the label that tells it from its variants."""
+    """A pipeline that registers many scans."""
 
-    def solver(self) -> Solver:
-        """Make what the runner runs; the name stands in for a missing label."""
-        return make_scene_solver(self.label, self.name, self.options)
+    kind: ClassVar[SolverKind] = "scene solver"
 
 
 Methods = Annotated[tuple[MethodEntry, ...], BeforeValidator(_expand_method_sets), Field(min_length=1)]
 
 
 class FrontEntry(Table):
-    """Changes of an experiment to the paper's front end, which matches clouds; lengths in pr."""
+    """Changes to the paper's front end in an experiment; lengths in pr."""
 
     matching: Literal["nearest", "mutual"] = "nearest"
     normals: Literal["mesh", "pca"] | None = None
@@ -151,10 +140,9 @@ class FrontEntry(Table):
     similarity: Literal["unit", "raw"] = "unit"
 
     def changes(self, detector: str, nuisance: str) -> str:
-        """Return the differences from the default as JSON with sorted keys; empty without a difference.
+        """Return the differences from the default as JSON with sorted keys; empty if there are none.
 
-        Radii of another detector change nothing, nor does the resolution before a nuisance where there is
-        none: such problems are those of the default.
+        Radii of another detector are no difference, nor is the resolution before a nuisance if there is none.
         """
         without = {"iss_radii" if detector == "h3d" else "harris_radius"}
         if not nuisance and self.resolution == "undisturbed":
@@ -164,7 +152,7 @@ class FrontEntry(Table):
 
 
 class SetEntry(Table):
-    """A set of problems; the tables of the tasks add to it."""
+    """A set of problems."""
 
     task: ClassVar[Task]
     id: str
@@ -172,13 +160,13 @@ class SetEntry(Table):
 
 
 class PairsEntry(SetEntry):
-    """A set of problems, each a pair of a data set."""
+    """A set of problems that are pairs of data sets."""
 
     pairs: AtLeastOne | tuple[str, ...] | None = None
 
 
 class ExperimentEntry(PairsEntry):
-    """Pairs of data sets at every level and combination, for grouping methods; entries may share an id."""
+    """Pairs at every level and combination, for grouping methods; entries may share an id."""
 
     task: ClassVar[Task] = "experiment"
     nuisance: str = ""
@@ -205,7 +193,7 @@ class ExperimentEntry(PairsEntry):
 
 
 class UnrelatedSetEntry(PairsEntry):
-    """Pairs, and as many mirrored and mixed ones, whose poses are judged by two limits."""
+    """Pairs, and numbers of mirrored and mixed ones; poses are judged by two limits."""
 
     loose: RotationLimit
     strict: RotationLimit
@@ -215,7 +203,7 @@ class UnrelatedSetEntry(PairsEntry):
 
 
 class PairSetEntry(UnrelatedSetEntry):
-    """Pairs of clouds to be registered: a column of the comparison."""
+    """Pairs of clouds to register."""
 
     task: ClassVar[Task] = "registration"
     split_overlap: Annotated[float, Field(gt=0, lt=1)] | None = None
@@ -223,7 +211,7 @@ class PairSetEntry(UnrelatedSetEntry):
 
 
 class SceneSetEntry(SetEntry):
-    """Scans of all these places in one bag, drawn anew for each seed."""
+    """Scans of all these places, mixed; drawn anew for each seed."""
 
     task: ClassVar[Task] = "scenes"
     mirrored: bool = False
@@ -231,7 +219,7 @@ class SceneSetEntry(SetEntry):
 
 
 class GridEntry(Table):
-    """Generated matches: every combination of the values."""
+    """Generated matches, one problem per combination of the values."""
 
     n: Several[Count] = (1000,)
     inliers: Several[Share] = (0.1,)
@@ -247,7 +235,7 @@ class GridEntry(Table):
         return self
 
     def recipes(self) -> list[Recipe]:
-        """List all combinations that have enough right matches or none, small ones first."""
+        """List the combinations that have enough correct matches or none, small ones first."""
         kinds = itertools.product(
             sorted(self.n), self.inliers, self.noise, self.scene, self.frames, range(self.repeats)
         )
@@ -256,7 +244,7 @@ class GridEntry(Table):
 
 
 class TrialSetEntry(UnrelatedSetEntry):
-    """Matches of any kind to be grouped: a ranking of its own."""
+    """Matches of any kind; methods are ranked on each set."""
 
     task: ClassVar[Task] = "matches"
     dataset: Annotated[tuple[str, ...], BeforeValidator(as_list)] = ()
@@ -281,7 +269,9 @@ class TrialSetEntry(UnrelatedSetEntry):
 
 
 class TimingEntry(Table):
-    """The paper's timing experiment: each method alone on matches of growing number from one pair."""
+    """The paper's timing experiment: growing numbers of matches from one pair, one method at a time."""
+
+    task: ClassVar[Task] = "timing"
 
     dataset: Several[str]
     pair: str | None = None
@@ -293,7 +283,7 @@ class TimingEntry(Table):
 
 
 class RegistrationEntry(Table):
-    """Ways to register two clouds, each run alone on every pair."""
+    """Comparison of pipelines, run one at a time on every pair."""
 
     threads: AtLeastOne = 2
     limit: Positive = 600.0
@@ -302,9 +292,7 @@ class RegistrationEntry(Table):
 
     @model_validator(mode="after")
     def _fits(self) -> RegistrationEntry:
-        labels = [entry.solver().label for entry in self.pipelines]
-        _refuse_twins("sets", [each.id for each in self.sets], "each an id")
-        _refuse_twins("pipelines", labels, "each variant a label")
+        labels = _refuse_twins(self.sets, self.pipelines, "pipelines")
         for label in (label for each in self.sets for label in each.without if label not in labels):
             message = f"sets: without {label!r}, but the pipelines are {', '.join(labels)}"
             raise InputError(message)
@@ -312,7 +300,7 @@ class RegistrationEntry(Table):
 
 
 class ScenesEntry(Table):
-    """Ways to register many scans, each run alone on every bag."""
+    """Comparison of pipelines for many scans, run one at a time on every bag of scans."""
 
     threads: AtLeastOne = 2
     limit: Positive = 600.0
@@ -321,14 +309,12 @@ class ScenesEntry(Table):
 
     @model_validator(mode="after")
     def _fits(self) -> ScenesEntry:
-        _refuse_twins("sets", [each.id for each in self.sets], "each an id")
-        labels = [entry.solver().label for entry in self.solvers]
-        _refuse_twins("solvers", labels, "each variant a label")
+        _refuse_twins(self.sets, self.solvers, "solvers")
         return self
 
 
 class TrialsEntry(Table):
-    """Grouping methods, each run alone on every set of matches."""
+    """Comparison of grouping methods, run one at a time on every set of matches."""
 
     threads: Several[Count] = (1,)
     limit: Positive = 60.0
@@ -337,14 +323,12 @@ class TrialsEntry(Table):
 
     @model_validator(mode="after")
     def _fits(self) -> TrialsEntry:
-        _refuse_twins("sets", [each.id for each in self.sets], "each an id")
+        _refuse_twins(self.sets, (), "methods")
         return self
 
 
 class Config(Table):
-    """Everything that one run computes.
-
-    The keys of all tables are listed in the documentation of the benchmark.
+    """Configuration of a run; the documentation of the benchmark lists the keys of all tables.
 
     Attributes
     ----------
@@ -353,24 +337,24 @@ class Config(Table):
     seed : int
         Key of all random numbers.
     methods : tuple of MethodEntry
-        Methods of every set that names none; all that exist by default. ``"paper"`` stands for the nine that
-        the paper compares, and ``"all"`` for all that exist.
+        Methods of every set that names none; all that exist by default. ``"paper"`` stands for the nine of
+        the paper, ``"all"`` for all that exist.
     experiment : tuple of ExperimentEntry
-        The paper's experiments, and one's own.
+        The paper's experiments, and further ones.
     timing : TimingEntry, optional
-        Runs after the experiments, alone.
+        Times of the methods.
     registration : RegistrationEntry, optional
-        Ways to register, compared; runs alone.
+        Comparison of pipelines that register two clouds.
     scenes : ScenesEntry, optional
-        Ways to register many scans, compared; runs alone.
+        Comparison of pipelines that register many scans.
     trials : TrialsEntry, optional
-        Grouping methods on matches of any kind, compared; runs last, alone.
+        Comparison of grouping methods on matches of any kind.
 
     Raises
     ------
     pydantic.ValidationError
         For an unknown key or method, a value of another type or out of range, two methods of one label, two
-        fronts for one experiment, data set and combination, or nothing to be run.
+        fronts for one experiment, data set and combination, or a configuration without sets.
 
     Examples
     --------
@@ -393,14 +377,7 @@ class Config(Table):
 
     @property
     def sets(self) -> tuple[SetEntry, ...]:
-        """All sets of problems, in the order of their tasks.
-
-        Examples
-        --------
-        >>> from cgroup.benchmark.config import read_config
-        >>> {entry.task for entry in read_config("smoke").sets}
-        {'experiment'}
-        """
+        """All sets of problems, without the timing."""
         alone = (self.registration, self.scenes, self.trials)
         return (*self.experiment, *(each for table in alone if table for each in table.sets))
 
@@ -409,12 +386,12 @@ class Config(Table):
         if not self.sets:
             names = "experiment, registration, scenes, trials"
             tables = "[[experiment]], [registration], [scenes] or [trials]"
-            raise InputError(names, remedy=f"none is there; give {tables}")
+            raise InputError(names, remedy=f"all are missing; give {tables}")
         fronts: dict[tuple[str, str, str], FrontEntry] = {}
         for entry in self.experiment:
             for at in itertools.product([entry.id], entry.dataset, entry.combinations):
                 if fronts.setdefault(at, entry.front) != entry.front:
-                    message = f"experiment: {entry.id!r} is there with two fronts; give each an id of its own"
+                    message = f"experiment: {entry.id!r} has two fronts; give each an id of its own"
                     raise InputError(message)
         trials = () if self.trials is None else (self.trials, *self.trials.sets)
         timing = () if self.timing is None else (self.timing,)
@@ -428,19 +405,7 @@ class Config(Table):
 
 
 def preset_names() -> list[str]:
-    """Name the configurations that come with the package.
-
-    Returns
-    -------
-    list of str
-        Names that `read_config` takes besides files.
-
-    Examples
-    --------
-    >>> from cgroup.benchmark.config import preset_names
-    >>> "smoke" in preset_names()
-    True
-    """
+    """Return the names of the configurations that come with the package."""
     return sorted(
         file.name.removesuffix(".toml") for file in _PRESETS.iterdir() if file.name.endswith(".toml")
     )
@@ -457,12 +422,12 @@ def read_config(source: str | Path) -> Config:
     Returns
     -------
     Config
-        What is to be run, with defaults filled in.
+        The configuration with defaults filled in.
 
     Raises
     ------
     InputError
-        If there is no such file or preset, or for the first thing that is wrong in it, with the key's path.
+        If there is no such file or preset, or with the key's path for the first error in it.
 
     Examples
     --------
@@ -477,16 +442,13 @@ def read_config(source: str | Path) -> Config:
     try:
         text = load_text(path)
     except InputError as error:
-        message = f"{source}: no configuration that can be read, nor one of {', '.join(preset_names())}"
+        message = f"{source}: neither a readable configuration nor one of {', '.join(preset_names())}"
         raise InputError(message) from error
     return parse_config(text, path.name)
 
 
 def replace_methods(config: Config, methods: list[str]) -> Config:
-    """Return a configuration that runs other methods.
-
-    Sets that name their own methods keep these.
-    """
+    """Replace the methods of a configuration, except in sets that name their own."""
     try:
         return Config.model_validate({**config.model_dump(exclude_defaults=True), "methods": methods})
     except ValidationError as error:
@@ -494,7 +456,7 @@ def replace_methods(config: Config, methods: list[str]) -> Config:
 
 
 def parse_config(text: str, name: str = "configuration") -> Config:
-    """Read a configuration from TOML text.
+    r"""Read a configuration from TOML text.
 
     Parameters
     ----------
@@ -506,30 +468,19 @@ def parse_config(text: str, name: str = "configuration") -> Config:
     Returns
     -------
     Config
-        What is to be run, with defaults filled in.
+        The configuration with defaults filled in.
 
     Raises
     ------
     InputError
-        If it is no TOML, or for the first thing that is wrong in it, with the key's path.
+        For text that is not TOML, or with the key's path for the first error in it.
 
     Examples
     --------
     >>> from cgroup.benchmark.config import parse_config
-    >>> config = parse_config(
-    ...     '''
-    ...     name = "mine"
-    ...     methods = ["gtm", { name = "gc", label = "GC, 2 pr", options = { tolerance_pr = 2 } }]
-    ...
-    ...     [[experiment]]
-    ...     id = "noise"
-    ...     dataset = "standin-full"
-    ...     nuisance = "noise"
-    ...     levels = [0.1, 0.3]
-    ...     '''
-    ... )
-    >>> [method.label or method.name for method in config.methods]
-    ['gtm', 'GC, 2 pr']
+    >>> text = 'name = "mine"\nmethods = "gtm"\nexperiment = [{id = "all", dataset = "b3r"}]'
+    >>> parse_config(text).experiment[0].id
+    'all'
     """
     try:
         return Config.model_validate(tomllib.loads(text))
@@ -556,7 +507,12 @@ def _key_path(location: tuple[int | str, ...]) -> str:
     return f"{path}: " if path else ""
 
 
-def _refuse_twins(what: str, names: Sequence[str], wanted: str) -> None:
-    if len(set(names)) < len(names):
-        message = f"{what}: {', '.join(names)}; give {wanted} of its own"
-        raise InputError(message)
+def _refuse_twins(sets: Sequence[SetEntry], solvers: Sequence[MethodEntry], what: str) -> list[str]:
+    """Raise where two sets have one id, or two solvers one label; return the labels."""
+    labels = [entry.solver().label for entry in solvers]
+    checks = (("sets", [each.id for each in sets], "each an id"), (what, labels, "each variant a label"))
+    for names, given, wanted in checks:
+        if len(set(given)) < len(given):
+            message = f"{names}: {', '.join(given)}; give {wanted} of its own"
+            raise InputError(message)
+    return labels

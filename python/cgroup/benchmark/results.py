@@ -1,4 +1,4 @@
-"""Results as they come from workers, with arrays as bytes; the same numbers, the same bytes."""
+"""Results of solvers and matches of problems, and arrays of both as bytes."""
 
 from __future__ import annotations
 
@@ -7,73 +7,84 @@ import json
 import zipfile
 from dataclasses import dataclass, field
 from datetime import datetime, timezone
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from cgroup import __version__
 from cgroup.benchmark.machine import Machine, this_machine
-from cgroup.types import OPTIONAL_FIELDS, Correspondences
+from cgroup.benchmark.problem import Problem
+from cgroup.benchmark.solver import Solver
+from cgroup.types import OPTIONAL_FIELDS, BoolArray, Correspondences, FloatArray, RealArray
 
-if TYPE_CHECKING:
-    from cgroup.types import BoolArray, FloatArray, RealArray
-
-KILLED = "WorkerKilled: the process that worked on it died, perhaps for want of memory"
-"""Error of a task that took its worker with it."""
+KILLED = "WorkerKilled: the process that worked on it died, perhaps out of memory"
+"""Error of a task that ended its process."""
 
 OUT_OF_TIME = "OutOfTime"
-"""What the error of a solver that took too long begins with."""
+"""First word of the error of a solver that exceeded its limit."""
+
+ERRORS = ("rotation_error", "translation_error", "rmse_pr")
+"""Errors of a pose: in degrees, in the data's unit, and the mean displacement over the overlap in pr."""
 
 
 def _now() -> str:
     return datetime.now(timezone.utc).isoformat(timespec="seconds")
 
 
-@dataclass(frozen=True)
-class Provenance:
-    """Version and machine that made a result, and the time."""
-
-    version: str = __version__
-    machine: Machine = field(default_factory=this_machine)
-    created: str = field(default_factory=_now)
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Matched:
-    """A problem of an experiment, or of the timing, matched once for all methods.
+    """Matches of a problem, and the truth about them.
 
-    `content` are the packed matches, `truth` and `sample` float64 of the true pose and of source points in
-    the overlap; `pr` is the resolution; `facts`, `seconds` (of each step) and `parameters` (of `correspond`)
-    are JSON. The store takes the fields in this order.
+    `truth` is the true pose, if there is one; `sample` are source points in the overlap. `pr` is the unit of
+    the errors, in the data's unit. `facts` are overlap, clutter and occlusion, as far as known. `details`
+    are the parameters of the matching and the seconds of its steps.
     """
 
-    problem: str
-    content: bytes = b""
-    truth: bytes = b""
-    sample: bytes = b""
-    n: int = 0
-    pr: float | None = None
-    facts: str = "{}"
-    seconds: str = "{}"
-    parameters: str = "{}"
-    error: str = ""
-    provenance: Provenance = field(default_factory=Provenance)
+    matches: Correspondences
+    truth: FloatArray | None
+    sample: RealArray
+    pr: float
+    facts: dict[str, float]
+    details: dict[str, Any] = field(default_factory=dict[str, Any])
+
+
+@dataclass(frozen=True)
+class Pending:
+    """A problem with the solvers that lack a result on it.
+
+    `entry` numbers the set in the plan. `limit` are seconds after which a solver is stopped.
+    """
+
+    problem: Problem
+    solvers: tuple[Solver, ...]
+    threads: int
+    epsilons: tuple[float, ...]
+    limit: float
+    entry: int = 0
+
+    def result(self, solver: Solver, **fields: Any) -> Result:  # noqa: ANN401 - of a result
+        """Make the result of a solver."""
+        epsilons = json.dumps(self.epsilons)
+        return Result(self.problem.key, solver.key, self.threads, epsilons, self.limit, **fields)
+
+    def fail(self, error: str) -> list[Result]:
+        """Make results of all solvers with the same error."""
+        return [self.result(each, error=error) for each in self.solvers]
 
 
 @dataclass(frozen=True)
 class Result:
-    """The outcome of a solver on a problem, both named by their keys.
+    """Result of a solver on a problem, both named by their keys.
 
-    `threads` is 0 for all cores. `machine` is the id of the machine whose times these are; empty for other
-    results. `limit` and `seconds` are those of the solver. `mask` has one bit per match, `pose` 16 float64.
-    `numbers` is JSON of all other numbers, by the names of their columns. `skipped` says why the solver did
-    not run, or not to its end. The store takes the fields in this order.
+    `threads` is 0 for all cores. Groups are scored at `epsilons`. `limit` and `seconds` are those of the
+    solver. `mask` has one bit per match, `pose` 16 float64. `numbers` are further ones as JSON.
+    `skipped` is the reason why the solver did not run to its end. The store keeps the fields in this order.
     """
 
     problem: str
     solver: str
     threads: int = 1
-    machine: str = ""
+    epsilons: str = "[]"
     limit: float | None = None
     seconds: float | None = None
     mask: bytes | None = None
@@ -81,77 +92,72 @@ class Result:
     numbers: str = "{}"
     skipped: str = ""
     error: str = ""
-    provenance: Provenance = field(default_factory=Provenance)
-
-
-@dataclass(frozen=True)
-class Score:
-    """One group judged at one threshold: errors in degrees, data unit and pr; protocols as JSON."""
-
-    problem: str
-    solver: str
-    epsilon: float
-    correct: int
-    selected: int
-    selected_correct: int
-    rotation_error: float | None
-    translation_error: float | None
-    rmse: float | None
-    protocols: str
+    version: str = __version__
+    machine: Machine = field(default_factory=this_machine)
+    created: str = field(default_factory=_now)
 
 
 def describe_error(error: Exception) -> str:
-    """Type and message in one line."""
+    """Return type and message in one line."""
     return f"{type(error).__name__}: {' '.join(str(error).split())}"
 
 
 def none_unless_finite(value: float) -> float | None:
-    """Turn NaN and infinity into the records' None."""
+    """Return the number, and None for NaN and infinity, which JSON lacks."""
     return float(value) if np.isfinite(value) else None
 
 
-def rounded_json(seconds: dict[str, float]) -> str:
-    """Seconds of stages as JSON."""
-    return json.dumps({stage: round(value, 6) for stage, value in seconds.items()})
-
-
-def pack(correspondences: Correspondences) -> bytes:
-    """Correspondences as the bytes of an NPZ file, the same for the same numbers."""
+def pack(matched: Matched) -> bytes:
+    """Return matches as the bytes of an NPZ file; equal numbers give equal bytes."""
+    arrays = {name: getattr(matched.matches, name) for name in ("source", "target", *OPTIONAL_FIELDS)}
+    arrays |= {"_truth": matched.truth, "_sample": matched.sample, "_pr": matched.pr}
+    arrays |= {f"_facts_{name}": value for name, value in matched.facts.items()}
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_STORED) as archive:
-        for name in ("source", "target", *OPTIONAL_FIELDS):
-            value = getattr(correspondences, name)
+        for name, value in arrays.items():
             if value is not None:
-                # Without a date of its own the entry would bear the time of day.
+                # An entry without a date of its own would contain the current time.
                 with archive.open(zipfile.ZipInfo(f"{name}.npy"), "w") as entry:
                     np.lib.format.write_array(entry, np.asarray(value, dtype=np.float64))
     return buffer.getvalue()
 
 
-def unpack(content: bytes) -> Correspondences:
-    """Correspondences from `pack`."""
+def unpack(content: bytes) -> Matched:
+    """Return the matches that `pack` packed, without the details."""
     with np.load(io.BytesIO(content), allow_pickle=False) as archive:
         fields: dict[str, Any] = {name: archive[name] for name in archive.files}
+    facts = {
+        name.removeprefix("_facts_"): float(fields.pop(name))
+        for name in list(fields)
+        if name.startswith("_facts_")
+    }
+    truth, sample, pr = fields.pop("_truth", None), fields.pop("_sample"), float(fields.pop("_pr"))
     if "resolution" in fields:
         fields["resolution"] = float(fields["resolution"])
-    return Correspondences(fields.pop("source"), fields.pop("target"), **fields)
+    matches = Correspondences(fields.pop("source"), fields.pop("target"), **fields)
+    return Matched(matches, truth, sample, pr, facts)
+
+
+def details_json(matched: Matched) -> str:
+    """Return the details of a matching as JSON."""
+    return json.dumps(matched.details, default=float)
 
 
 def pack_mask(mask: BoolArray) -> bytes:
-    """Group as one bit per correspondence."""
+    """Return a group as one bit per match."""
     return np.packbits(mask).tobytes()
 
 
 def unpack_mask(packed: bytes, n: int) -> BoolArray:
-    """Group from its bits: (n,) array of bool."""
+    """Return a group from its bits: (n,) array of bool."""
     return np.unpackbits(np.frombuffer(packed, dtype=np.uint8), count=n).astype(bool)
 
 
-def floats_as_bytes(array: RealArray) -> bytes:
-    """Float64, row by row."""
+def pack_floats(array: RealArray) -> bytes:
+    """Return float64, row by row."""
     return np.ascontiguousarray(array, dtype=np.float64).tobytes()
 
 
-def floats_from_bytes(content: bytes, shape: tuple[int, ...]) -> FloatArray:
-    """Reverse `floats_as_bytes`."""
-    return np.frombuffer(content, dtype=np.float64).reshape(shape)
+def unpack_pose(content: bytes) -> FloatArray:
+    """Return a pose from its bytes."""
+    return np.frombuffer(content, dtype=np.float64).reshape(4, 4)

@@ -1,49 +1,54 @@
-"""Running a configuration: whatever lacks a result is computed, so that a stopped run continues.
+"""Running a configuration: results that a folder lacks are computed, so that a stopped run continues.
 
-Problems of experiments are matched and grouped by many workers, then scored. The timing, the comparisons of
-ways to register and that of methods on matches follow, with nothing else at work.
+Problems of experiments are matched and grouped by many workers. Everything else follows with one solver at
+work at a time, so that times and memory can be compared.
 """
 
 from __future__ import annotations
 
 import itertools
-import json
 from collections import defaultdict, deque
+from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import dataclass, replace
-from functools import partial
-from operator import attrgetter
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
 
 from cgroup._checks.values import as_count, as_path
 from cgroup._runtime.progress import ignore_progress
 from cgroup.benchmark import solving
-from cgroup.benchmark.engine import OutOfTimeError, ProcessDiedError, Worker, WorkerError, open_workers
-from cgroup.benchmark.matching import PreparedMatches, forget_pairs, match_problems, try_to_prepare
+from cgroup.benchmark.config import Config
+from cgroup.benchmark.engine import CallUnordered, OutOfTimeError, Worker, WorkerError, open_workers
+from cgroup.benchmark.matching import forget_pairs, match_problem, match_problems
 from cgroup.benchmark.plan import make_plan
-from cgroup.benchmark.results import KILLED, OUT_OF_TIME, Matched, Result
-from cgroup.benchmark.store import RECORDS, DamagedError, Store, only_writer, report_failures, set_aside
-from cgroup.benchmark.timing import take_times
+from cgroup.benchmark.problem import Task
+from cgroup.benchmark.results import KILLED, OUT_OF_TIME, Matched, Pending, Result
+from cgroup.benchmark.solver import Solver
+from cgroup.benchmark.store import (
+    RECORDS,
+    Counts,
+    DamagedError,
+    Store,
+    only_writer,
+    report_failures,
+    set_aside,
+)
 from cgroup.benchmark.worker import ALL_CORES
 from cgroup.io._results import make_folder
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
-    from pathlib import Path
-    from typing import Any, TypeAlias
-
-    from cgroup.benchmark.config import Config
-    from cgroup.benchmark.engine import CallUnordered
-    from cgroup.benchmark.plan import Plan
-    from cgroup.benchmark.solver import Solver
-    from cgroup.benchmark.store import Counts, Pending
-
-    Progress: TypeAlias = Callable[[str, int, int], Any]
+Progress: TypeAlias = Callable[[str, int, int], Any]
+Slow: TypeAlias = defaultdict[tuple[object, ...], list[int]]
+"""Numbers of matches on which a method ran out of time, by method and set."""
 
 __all__ = ["Summary", "run"]
 
 GIVEN_UP = 2
-"""Calls of a method that ran out of time; on problems of no fewer matches it isn't tried again."""
+"""Calls of a method that ran out of time, after which it isn't run on as many matches or more."""
+
+UNKNOWN_EXPONENT = 2.0
+"""Expected growth of the seconds with n in the timing, while only one size has been timed."""
 
 # Of one pair to a worker, which then loads it once; they are lost if the run is killed meanwhile.
 _PROBLEMS_AT_ONCE = 4
@@ -51,18 +56,18 @@ _PROBLEMS_AT_ONCE = 4
 
 @dataclass(frozen=True)
 class Summary:
-    """The outcome of a run.
+    """Outcome of a run.
 
     Attributes
     ----------
     counts : dict of str to Counts
-        Done, failed and wanted results of each stage: "correspond", "group", "score", "register", "place",
-        "try".
+        Done, failed and wanted results of each kind: "experiment", "timing", "registration", "scenes",
+        "matches".
     missing : dict of str to str
-        Data sets and pipelines that are not at hand, and why.
+        Missing data sets and pipelines, and why.
     damaged : str
-        The reason why the results of earlier runs couldn't be read, and their new place; empty where they
-        could. All is computed anew then.
+        The reason why the results of earlier runs couldn't be read, and their new place; empty otherwise. All
+        results are computed again then.
 
     Examples
     --------
@@ -72,7 +77,7 @@ class Summary:
     >>> small = {"id": "small", "dataset": "generated-matches", "pairs": 2}
     >>> config = Config(name="mine", methods=["gc", "gtm"], experiment=[small])
     >>> summary = run(config, Path("results"), backend="threading")
-    >>> summary.counts["group"], summary.missing
+    >>> summary.counts["experiment"], summary.missing
     (Counts(done=4, failed=0, wanted=4), {})
     """
 
@@ -82,7 +87,7 @@ class Summary:
 
     @property
     def failed(self) -> int:
-        """Number of pairs that couldn't be matched, and of solvers that went wrong.
+        """Number of failed results.
 
         Examples
         --------
@@ -104,11 +109,10 @@ def run(
     retry_failed: bool = False,
     progress: Progress | None = None,
 ) -> Summary:
-    """Compute every result that a configuration asks for and the folder lacks.
+    """Compute the results of a configuration that a folder lacks.
 
-    The results do not depend on backend or workers. Stopped at any moment, by a signal or for good, it
-    loses only what was under way; called again, it continues. A file that SQLite can't read is set aside, and
-    all is computed anew.
+    The results do not depend on backend or workers. A stopped run loses only the calls in progress; called
+    again, it continues. A damaged file of results is renamed, and all results are computed again.
 
     Parameters
     ----------
@@ -117,29 +121,28 @@ def run(
     out : path
         Folder of the results; made if need be.
     root : path, optional
-        Folder with the data, at the same place on every machine; the environment says by default.
+        Folder with the data, the same on every machine; ``CGROUP_DATA`` by default.
     backend : str
         "processes" of this machine, "dask" (a cluster) or "threading".
     workers : int, optional
-        How many; one per core by default. A cluster's own number counts with "dask".
+        Number of workers; one per core by default. With "dask" the cluster has its own.
     scheduler : str, optional
         Address of the Dask scheduler; ``DASK_SCHEDULER_ADDRESS`` by default.
     retry_failed : bool
         Try again what failed.
     progress : callable, optional
-        Called with the stage and how many of how many results are there, as they come in.
+        Called with the kind of results, and the numbers of finished and of wanted ones.
 
     Returns
     -------
     Summary
-        Failures are counted there, and don't stop the rest.
+        Failures are counted there; they don't stop the run.
 
     Raises
     ------
     InputError
-        If no data set is at hand, the backend isn't or is unknown, `workers` is not at least 1, another run
-        uses the folder, or the results can't be read or written: the disk is full, say. What is finished is
-        kept then.
+        If all data sets are missing, the backend is missing or unknown, `workers` is below 1, another run
+        uses the folder, or the results can't be read or written. Finished results are kept.
 
     Examples
     --------
@@ -160,17 +163,17 @@ def run(
     forget_pairs()
     plan = make_plan(config, root)
     make_folder(out)
-    folder = None if root is None else str(root)
 
     def compute() -> Summary:
         with report_failures(out / RECORDS), closing(Store(out / RECORDS)) as store:
             store.replace_plan(plan)
             if retry_failed:
                 store.forget_failures()
-            runner = _Runner(store, folder, progress or ignore_progress)
+            runner = _Runner(store, None if root is None else str(root), progress or ignore_progress)
             with open_workers(backend, workers, scheduler) as call_unordered:
                 runner.run_experiments(call_unordered)
-            runner.run_alone(plan)
+            for task in ("timing", "registration", "scenes", "matches"):
+                runner.run_alone(task)
             return Summary(store.counts(), plan.missing)
 
     with only_writer(out):
@@ -178,7 +181,7 @@ def run(
             return compute()
         except DamagedError as error:
             kept = set_aside(out / RECORDS)
-            return replace(compute(), damaged=f"{out / RECORDS}: {error}; all as it was is in {kept}")
+            return replace(compute(), damaged=f"{out / RECORDS}: {error}; the damaged file is now {kept}")
 
 
 class _Runner:
@@ -190,51 +193,71 @@ class _Runner:
         self._progress = progress
         self._stage, self._done, self._wanted = "", 0, 0
 
-    def _begin(self, stage: str) -> None:
-        counts = self._store.counts()[stage]
-        self._stage, self._done, self._wanted = stage, counts.done + counts.failed, counts.wanted
-        self._tell(0)
+    def _begin(self, stage: str, done: int, wanted: int) -> None:
+        self._stage, self._done, self._wanted = stage, done, wanted
+        self._report(0)
 
-    def _tell(self, results: int) -> None:
-        """Pass on how far the stage is, with what earlier runs have done."""
+    def _begin_task(self, task: Task) -> list[Pending]:
+        """Return the problems of a kind that lack results; report earlier results as done."""
+        counts = self._store.counts().get(task, Counts(0, 0, 0))
+        if counts.wanted:
+            self._begin(task, counts.done + counts.failed, counts.wanted)
+        return self._store.pending(task)
+
+    def _report(self, results: int) -> None:
         self._done += results
         self._progress(self._stage, self._done, self._wanted)
 
     def _add(self, results: list[Result]) -> None:
         self._store.add_results(results)
-        self._tell(len(results))
+        self._report(len(results))
 
-    # --- experiments -----------------------------------------------------------------------------
+    # --- experiments, by many workers ------------------------------------------------------------
 
     def run_experiments(self, call_unordered: CallUnordered) -> None:
-        """Match, group and score; once more for problems whose stored matches can't be read."""
+        """Match and group; once more for problems whose stored matches can't be read."""
         for _ in range(2):
             self._match(call_unordered)
-            unreadable = self._group(call_unordered) + self._score()
+            unreadable = self._group(call_unordered)
             for problem in unreadable:
                 self._store.forget_matches(problem)
             if not unreadable:
                 break
 
     def _match(self, call_unordered: CallUnordered) -> None:
-        tasks = [(problems, self._root) for problems in self._store.unmatched(_PROBLEMS_AT_ONCE)]
-        self._begin("correspond")
-        for (problems, _), records in call_unordered(match_problems, tasks, None) if tasks else ():
-            if isinstance(records, WorkerError):
-                records = [Matched(problem.key, error=KILLED) for problem in problems]  # noqa: PLW2901
-            self._store.add_matched(records)
-            self._tell(len(records))
+        """Match the problems of experiments that lack results; errors become results of all solvers."""
+        stored = self._store.matched()
+        pending = [each for each in self._store.pending("experiment") if each.problem.key not in stored]
+        by_problem: dict[str, list[Pending]] = {}
+        for each in pending:
+            by_problem.setdefault(each.problem.key, []).append(each)
+        if by_problem:
+            self._begin("match", 0, len(by_problem))
+        problems = dict.fromkeys(each.problem for each in pending)
+        tasks: list[tuple[object, ...]] = []
+        for _, same_pair in itertools.groupby(problems, lambda each: (each.dataset, each.pair)):
+            while part := list(itertools.islice(same_pair, _PROBLEMS_AT_ONCE)):
+                tasks.append((part, self._root))
+        for (part, _), records in call_unordered(match_problems, tasks, None) if tasks else ():
+            found = [KILLED] * len(part) if isinstance(records, WorkerError) else records
+            known = dict(zip((each.key for each in part), found, strict=True))
+            self._store.add_matched((key, each) for key, each in known.items() if isinstance(each, Matched))
+            for key, error in known.items():
+                if isinstance(error, str):
+                    failed = (result for each in by_problem[key] for result in each.fail(error))
+                    self._store.add_results(failed)
+            self._report(len(part))
 
     def _group(self, call_unordered: CallUnordered) -> list[str]:
-        """Group all matches but those that can't be read, which are returned."""
+        """Group all matches; return the problems whose matches can't be read."""
         unreadable: list[str] = []
-        slow: defaultdict[str, list[int]] = defaultdict(list)
-        self._begin("group")
-        pending = sorted(self._store.pending("experiment"), key=attrgetter("limit"))
-        for limit, cases in itertools.groupby(pending, key=attrgetter("limit")):
+        slow: Slow = defaultdict(list)
+        pending = sorted(self._begin_task("experiment"), key=lambda each: each.limit)
+        sizes = self._store.matched()
+        for limit, cases in itertools.groupby(pending, key=lambda each: each.limit):
             waiting = deque(cases)
             while waiting:  # cases that were put back at the very end
-                unreadable += self._group_within(limit, waiting, call_unordered, slow)
+                unreadable += self._group_within(limit, waiting, call_unordered, slow, sizes)
         return unreadable
 
     def _group_within(
@@ -242,161 +265,125 @@ class _Runner:
         limit: float,
         waiting: deque[Pending],
         call_unordered: CallUnordered,
-        slow: defaultdict[str, list[int]],
+        slow: Slow,
+        sizes: dict[str, int],
     ) -> Iterator[str]:
-        """Group by all methods of a case together, within so many seconds; where that fails, by each alone.
+        """Group by all methods of a problem together, or by each alone after a failure.
 
-        Yield problems that can't be read. `slow` has numbers of matches on which methods ran out of time.
+        Yields problems whose matches can't be read.
         """
-        cases: dict[str, Pending] = {}
 
         def tasks() -> Iterator[tuple[object, ...]]:
-            # Drawn one by one: all the correspondences together may not fit into memory.
+            # One by one: all matches together may not fit into memory.
             while waiting:
                 case = waiting.popleft()
-                key = case.problem.key
-                cases[key] = case
-                if methods := self._drop_slow(case, slow):
-                    yield key, case.problem.seed, self._store.content(key), methods
+                if left := self._drop_slow(case, slow, sizes[case.problem.key]):
+                    content = self._store.content(case.problem.key)
+                    yield replace(case, solvers=left), content, self._root
 
-        for (key, *_, methods), grouped in call_unordered(solving.group_problem, tasks(), limit):
-            if not isinstance(grouped, WorkerError):
-                if not grouped:
-                    yield key
-                self._add(grouped)
-            elif len(methods) > 1:  # one of them did it; each alone shows which
-                waiting.extendleft(cases[key]._replace(solvers=(method,)) for method in methods)
+        for (case, *_), results in call_unordered(solving.solve, tasks(), limit):
+            if not isinstance(results, WorkerError):
+                if not results:
+                    yield case.problem.key
+                self._add(results)
+            elif len(case.solvers) > 1:  # one of them failed; each alone shows which
+                waiting.extendleft(replace(case, solvers=(each,)) for each in case.solvers)
             else:
-                if isinstance(grouped, OutOfTimeError):
-                    slow[methods[0].key].append(cases[key].n or 0)
-                self._add([Result(key, methods[0].key, error=_describe(grouped, limit))])
+                if isinstance(results, OutOfTimeError):
+                    slow[case.solvers[0].key,].append(sizes[case.problem.key])
+                self._add(case.fail(_describe(results, limit)))
 
-    def _drop_slow(self, case: Pending, slow: defaultdict[str, list[int]]) -> list[Solver]:
-        """Return methods of a case without those that are given up, which is recorded."""
-        left: list[Solver] = []
-        for method in case.solvers:
-            if why := _why_not_run(slow[method.key], case.n or 0, case.limit):
-                self._add([Result(case.problem.key, method.key, error=f"{OUT_OF_TIME}: {why}")])
-            else:
-                left.append(method)
-        return left
+    def _drop_slow(self, case: Pending, slow: Slow, n: int) -> tuple[Solver, ...]:
+        """Return the methods of a problem without slow ones, whose results are stored."""
+        reasons = {each: _why_not_run(slow[each.key,], n, case.limit) for each in case.solvers}
+        dropped = [case.result(each, error=f"{OUT_OF_TIME}: {why}") for each, why in reasons.items() if why]
+        if dropped:
+            self._add(dropped)
+        return tuple(each for each, why in reasons.items() if not why)
 
-    def _score(self) -> list[str]:
-        """Score all groups but those of problems that can't be read, which are returned."""
-        unscored = self._store.unscored()
-        unreadable: list[str] = []
-        self._begin("score")
-        for key, wanted in unscored.items():
-            truth = solving.unpack_truth(key, *self._store.truth(key))
-            if truth is None:
-                unreadable.append(key)
-                continue
-            scores = [
-                score
-                for solver, mask, pose in self._store.groups(key)
-                if solver in wanted
-                for score in solving.score_grouping(truth, solver, mask, pose, wanted[solver])
-            ]
-            self._store.add_scores(scores)
-            self._tell(len(scores))
-        return unreadable
+    # --- one solver at a time --------------------------------------------------------------------
 
-    # --- with nothing else at work ---------------------------------------------------------------
+    def run_alone(self, task: Task) -> None:
+        """Run solvers one at a time in one other process, which a solver may end.
 
-    def run_alone(self, plan: Plan) -> None:
-        """Take times, compare ways to register, and methods on matches."""
-        config = plan.config
-        for planned in plan.sets:
-            if planned.task == "timing" and config.timing is not None:
-                take_times(planned, config.timing, self._store, self._root, self._progress)
-        if config.registration is not None:
-            self._begin("register")
-            self._work_through("registration", self._register)
-        if config.scenes is not None:
-            self._begin("place")
-            self._work_through("scenes", self._place)
-        if config.trials is not None:
-            self._begin("try")
-            with closing(Worker(ALL_CORES)) as maker:
-                given_up: dict[tuple[int, int, str], list[int]] = {}
-                self._work_through("matches", lambda each, worker: self._try(each, worker, maker, given_up))
-
-    def _work_through(self, task: str, work: Callable[[Pending, Worker], Iterable[Result]]) -> None:
-        """Work through problems in one other process, which may die of a solver.
-
-        The process is told to compute on as many threads as the problems ask for, before any library loads.
+        The number of threads is set in the process before libraries are loaded. Matches are made in another
+        process, so that the memory of the first is that of the solver.
         """
-        pending = sorted(self._store.pending(task), key=lambda each: each.threads)
-        for threads, problems in itertools.groupby(pending, key=lambda each: each.threads):
-            with closing(Worker(threads, cores=threads)) as worker:
-                for each in problems:
-                    for result in work(each, worker):
-                        self._add([result])
+        slow: Slow = defaultdict(list)
+        times: dict[tuple[str, int], list[tuple[int, float]]] = defaultdict(list)
+        by_threads = itertools.groupby(self._begin_task(task), lambda each: each.threads)
+        with closing(Worker(ALL_CORES)) as maker:
+            for threads, problems in by_threads:
+                with closing(Worker(threads, cores=threads)) as worker:
+                    for pending in problems:
+                        matched = self._match_alone(pending, maker)
+                        for each in pending.solvers:
+                            known = slow[each.key, threads, pending.entry], times[each.key, threads]
+                            one = replace(pending, solvers=(each,))
+                            self._add(self._solve_alone(one, matched, worker, *known))
 
-    def _register(self, pending: Pending, worker: Worker) -> list[Result]:
-        """Register by all solvers that lack a result."""
-        problem, threads, solvers = pending.problem, pending.threads, pending.solvers
-        work = solving.register, problem, threads, solvers, self._root
+    def _match_alone(self, pending: Pending, maker: Worker) -> Matched | str | None:
+        if pending.problem.task in {"registration", "scenes"}:
+            return None
         try:
-            return worker.call(*work, limit=pending.limit)
-        except WorkerError as error:
-            if len(solvers) == 1:
-                why = _describe(error, pending.limit)
-                return [Result(problem.key, solvers[0].key, threads, error=why)]
-        # One of them did it; each alone shows which.
-        return list(self._place(pending, worker))
+            return maker.call(match_problem, pending.problem, self._root)
+        except WorkerError:
+            return KILLED
 
-    def _place(self, pending: Pending, worker: Worker) -> Iterator[Result]:
-        """Register by each solver alone, which may take minutes: what is done before a stop is kept."""
-        for each in pending.solvers:
-            yield from self._register(pending._replace(solvers=(each,)), worker)
-
-    def _try(
+    def _solve_alone(
         self,
         pending: Pending,
+        matched: Matched | str | None,
         worker: Worker,
-        maker: Worker,
-        given_up: dict[tuple[int, int, str], list[int]],
-    ) -> Iterator[Result]:
-        """Run methods alone on matches, made in the process of `maker`: the worker holds nothing else."""
+        slow: list[int],
+        times: list[tuple[int, float]],
+    ) -> list[Result]:
+        """Run one solver, or return why it isn't run.
+
+        `slow` has the numbers of matches on which it ran out of time, `times` numbers and seconds of smaller
+        sets in the timing; both are brought up to date.
+        """
+        if isinstance(matched, str):
+            return pending.fail(matched)
+        [solver] = pending.solvers
+        n, numbers = 0, "{}"
+        if matched is not None:
+            n, numbers = len(matched.matches), solving.known_json(matched, pending.epsilons)
+        timed, limit = pending.problem.repeats, pending.limit
+        why = _why_not_timed(times[-2:], n, limit) if timed else _why_not_run(slow, n, limit)
+        if why:
+            return [pending.result(solver, numbers=numbers, skipped=why)]
+        allowed = (timed + 1) * (limit + solving.SHORTEST) if timed else limit
         try:
-            problem = maker.call(try_to_prepare, pending.problem, self._root)
-        except ProcessDiedError:
-            problem = KILLED
-        for method in pending.solvers:
-            slow = given_up.setdefault((pending.threads, pending.entry, method.key), [])
-            yield _try_method(pending, problem, method, worker, slow)
+            results = worker.call(solving.solve, pending, matched, self._root, limit=allowed)
+        except WorkerError as error:
+            if matched is None or not isinstance(error, OutOfTimeError):
+                return [pending.result(solver, numbers=numbers, error=_describe(error, limit))]
+            slow.append(n)
+            skipped = f"took longer than {limit:g} s{' per call' if timed else ''}"
+            return [pending.result(solver, numbers=numbers, skipped=skipped)]
+        times += [(n, each.seconds) for each in results if each.seconds is not None]
+        return results
 
 
 def _why_not_run(slow: list[int], n: int, limit: float) -> str:
-    """Say why a method isn't tried on n matches, if it isn't; on those of `slow` it ran out of time."""
+    """Return why a method isn't run on n matches; empty if it is."""
     if sum(fewer <= n for fewer in slow) < GIVEN_UP:
         return ""
     return f"not run: took longer than {limit:g} s on {min(slow):,} matches"
+
+
+def _why_not_timed(known: list[tuple[int, float]], n: int, budget: float) -> str:
+    """Return why a method isn't timed on n matches, by the seconds on smaller sets; empty if it is."""
+    if not known:
+        return ""
+    exponent = solving.fit_exponent(*zip(*known, strict=True))
+    size, seconds = known[-1]
+    expected = seconds * (n / size) ** (UNKNOWN_EXPONENT if np.isnan(exponent) else exponent)
+    return f"expected to take {expected:.0f} s per call, more than {budget:g} s" if expected > budget else ""
 
 
 def _describe(error: WorkerError, limit: float) -> str:
     if isinstance(error, OutOfTimeError):
         return f"{OUT_OF_TIME}: took longer than {limit:g} s"
     return KILLED
-
-
-def _try_method(
-    pending: Pending, problem: PreparedMatches | str, method: Solver, worker: Worker, slow: list[int]
-) -> Result:
-    """Run a method, or say why not; `slow` has the numbers of matches on which it ran out of time."""
-    limit, seed, threads = pending.limit, pending.problem.seed, pending.threads
-    result = partial(Result, pending.problem.key, method.key, threads, limit=limit)
-    if isinstance(problem, str):
-        return result(error=problem)
-    known = solving.describe_matches(problem)
-    n, result = known["n"], partial(result, numbers=json.dumps(known))
-    if why := _why_not_run(slow, n, limit):
-        return result(skipped=why)
-    try:
-        return worker.call(solving.try_method, result, method, seed, threads, problem, limit=limit)
-    except OutOfTimeError:
-        slow.append(n)
-        return result(skipped=f"took longer than {limit:g} s")
-    except ProcessDiedError:
-        return result(error=KILLED)

@@ -1,4 +1,4 @@
-"""Results as tables of pandas: one row per problem and solver; and means over them."""
+"""Results as tables of pandas, and means over them."""
 
 from __future__ import annotations
 
@@ -7,112 +7,84 @@ import json
 import math
 import os
 import sqlite3
+from collections.abc import Generator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from cgroup._checks.values import as_path
 from cgroup._runtime.sqlite import is_empty
-from cgroup.benchmark.problem import COMBINATIONS
-from cgroup.benchmark.results import floats_from_bytes, unpack, unpack_mask
+from cgroup.benchmark.problem import COMBINATIONS, Task
+from cgroup.benchmark.results import ERRORS, unpack, unpack_mask, unpack_pose
+from cgroup.benchmark.solving import fit_exponent
 from cgroup.benchmark.store import RECORDS, RECORDS_LAYOUT, Counts, count_results, foreign_records
-from cgroup.benchmark.timing import fit_exponent
 from cgroup.datasets.generated_matches import GeneratedMatches, read_recipe
 from cgroup.errors import InputError
 from cgroup.evaluation.metrics import harmonic_mean, score_counts
 from cgroup.evaluation.protocols import PAPER_PROTOCOL, PROTOCOL_PREFIX, PROTOCOLS
+from cgroup.types import BoolArray, Correspondences, FloatArray
 
-if TYPE_CHECKING:
-    from collections.abc import Generator, Sequence
-    from pathlib import Path
-
+if TYPE_CHECKING:  # slow to load, and workers do without
     import pandas as pd
 
-    from cgroup.benchmark.problem import Task
-    from cgroup.types import BoolArray, Correspondences, FloatArray
-
-__all__ = [
-    "FITTED_FROM",
-    "PairPose",
-    "aggregate",
-    "exponents",
-    "load",
-    "load_groups",
-    "load_poses",
-]
+__all__ = ["aggregate", "exponents", "load", "load_groups"]
 
 FITTED_FROM = 2000
-"""Exponents are fitted to sets of at least so many correspondences."""
+"""Exponents are fitted to sets of at least this many matches."""
 
-_ERRORS = ("rotation_error", "translation_error", "rmse_pr")
-_BEST = tuple(f"best_{name}" for name in _ERRORS)
-
-_EXPERIMENTS = """
-select dataset, p.origin, pair, nuisance, level, p.matches as combination, nms_radius, p.front, p.facts,
-       p.n, s.correct, p.pr, label as method, w.epsilon, s.selected, s.selected_correct, s.rotation_error,
-       s.translation_error, s.rmse as rmse_pr, s.protocols, r.seconds, w.experiments,
-       case when p.error <> '' then p.error else coalesce(r.error, '') end as error,
-       coalesce(r.version, p.version) as version, seed, coalesce(r.machine, p.machine) as machine,
-       w.problem as "case"
-from wanted_scores w
-    join problems p on p.key = w.problem
-    left join results r on r.problem = w.problem and r.solver = w.solver
-    left join scores s on s.problem = w.problem and s.solver = w.solver and s.epsilon = w.epsilon
-where s.problem is not null or p.error <> '' or r.error <> ''
-order by dataset, pair, nuisance, level, nms_radius, combination, w.problem, place, w.epsilon
-"""
-
-_RESULTS = """
-select e.id as "set", e.definition, p.dataset, p.pair, p.origin, p.kind, p.other, p.matches, p.voxel,
-       p.epsilon, p.n, l.label as method, s.name, s.refined, r.threads, r.seconds, r.numbers, r.skipped,
-       r.error, r.version, r.machine, r.problem as "case"
-from plan_sets e join plan_problems q using (entry) join plan_solvers l using (entry),
-    json_each(e.threads) h
-    join results r on r.problem = q.problem and r.solver = l.solver and r.threads = h.value
+_ROWS = """
+select e.id as "set", e.definition, p.dataset, p.pair, p.origin, p.protocols, p.kind, p.other, p.nuisance,
+       p.level, p.matches, p.nms_radius, p.front, p.voxel, p.seed, l.label as method, s.name, s.refined,
+       r.threads, h.value as epsilon, r.seconds, r.pose, r.numbers, r.skipped, r.error, r.version, r.machine,
+       r.problem as "case", r.solver, l.place
+from plan_sets e join plan_problems q using (entry) join plan_solvers l using (entry)
+    join json_each(e.threads) t left join json_each(e.epsilons) h
+    join results r on r.problem = q.problem and r.solver = l.solver and r.threads = t.value
     join problems p on p.key = q.problem join solvers s on s.key = l.solver
 where e.task = ?
-order by e.entry, l.place, {order}
-"""
+order by e.entry, l.place, """
+_ORDERS = {"registration": "p.dataset, p.pair, p.kind, p.other"}
+_ORDER = "q.place, t.value"
 
-_POSES = """
-select distinct e.id, l.label, p.dataset, p.pair, r.pose, json_extract(r.numbers, '$.truth')
-from plan_sets e join plan_problems q using (entry) join plan_solvers l using (entry)
-    join results r on r.problem = q.problem and r.solver = l.solver join problems p on p.key = q.problem
-where e.task in ('matches', 'registration') and r.error = '' and r.skipped = ''
-order by e.entry, l.place, q.place
-"""
-
-_FLOATS = ("level", "nms_radius", "voxel", "seconds", *_ERRORS)
+_TEXTS = ("protocols", "definition", "numbers")
+_FLOATS = ("level", "nms_radius", "voxel", "epsilon", "seconds")
 """Columns of numbers that may all be missing."""
 
-_NUMBERS: dict[str, dict[str, Any]] = {
+_GROUPS: dict[str, Any] = {
+    **dict.fromkeys(("n", "correct"), 0),
+    **dict.fromkeys(("resolution", "pr", "overlap", "clutter", "occlusion"), math.nan),
+    **dict.fromkeys(("selected", "selected_correct"), 0),
+    "posed": False,
+    "ok": None,
+    "complete": True,
+    **dict.fromkeys(ERRORS, math.nan),
+    **{f"best_{name}": math.nan for name in ERRORS},
+    "offered": 0,
+    "mebibytes": math.nan,
+    "diagnostics": "{}",
+    "truth": None,
+}
+_MEASURES: dict[Task, dict[str, Any]] = {
+    "experiment": _GROUPS,
+    "matches": _GROUPS,
+    "timing": {"n": 0, "repeats": ()},
     "registration": {
-        **dict.fromkeys(("voxel", "pr", "overlap"), math.nan),
+        **dict.fromkeys(("voxel", "pr", "overlap", "probability", "nees", *ERRORS), math.nan),
         "ok": False,
-        "probability": math.nan,
-        "nees": math.nan,
-        **dict.fromkeys(_ERRORS, math.nan),
+        "stages": {},
+        "truth": None,
     },
     "scenes": {
         "voxel": math.nan,
         **dict.fromkeys(("scans", "right", "mixed", "found", "wanted", "placed", "tried"), 0),
-    },
-    "matches": {
-        **dict.fromkeys(("n", "correct"), 0),
-        **dict.fromkeys(("resolution", "pr", "overlap"), math.nan),
-        **dict.fromkeys(("selected", "selected_correct"), 0),
-        "posed": False,
-        "ok": None,
-        "complete": True,
-        **dict.fromkeys((*_ERRORS, *_BEST), math.nan),
-        "offered": 0,
-        "mebibytes": math.nan,
-        "diagnostics": "{}",
+        **dict.fromkeys(("rotation", "translation"), ()),
+        "stages": {},
     },
 }
-"""Columns that stand in a result's JSON, with the value of a result without them."""
+"""Columns from a result's numbers, with the values of a result without them."""
 
 
 def load(path: Path | str, kind: Task = "experiment") -> pd.DataFrame:
@@ -122,51 +94,45 @@ def load(path: Path | str, kind: Task = "experiment") -> pd.DataFrame:
     ----------
     path : path
         Folder of a run, or its SQLite file. A run may be at work in it.
-    kind : {"experiment", "registration", "scenes", "matches", "timing"}
-        Results of the experiments, of ways to register two clouds or many scans, of methods alone on matches,
-        or of the timing.
+    kind : {"experiment", "timing", "registration", "scenes", "matches"}
+        Results of the experiments, of the timing, of pipelines on two clouds or on many scans, or of methods
+        run alone on matches.
 
     Returns
     -------
     DataFrame
-        Of every kind: `dataset, pair`; `seconds` of the solver; `version, machine`; but for the timing
-        `error`: "" or what went wrong, and then the numbers are NaN or 0; but for timing and scenes `origin`.
-        No rows without such results. Errors of a pose are `rotation_error` (degrees), `translation_error`
-        (data unit) and `rmse_pr`, NaN without a pose; `right, accurate` say whether they keep the set's
-        limits, false for unrelated clouds.
+        One row per problem, solver, number of threads and threshold.
 
-        "experiment", one row per problem, method and threshold: `nuisance, level, combination, detector,
-        descriptor, nms_radius`, with "" and NaN for fields that don't apply, `seed`, and the problem's hash
-        `case`; `front`: changes of the paper's front end, as JSON with the keys of an experiment's `front`,
-        "" for none; `clutter, occlusion, overlap` where they are known; `n, correct, inlier_ratio, pr`: the
-        matches; `method, epsilon, selected, selected_correct, precision, recall, f_score, registered`: the
-        group; errors of its pose, also `translation_error_pr`; ``ok:<protocol>``: registered by a criterion
-        other than the paper's, which `registered` is, None where it isn't applicable; `experiments`: tuple of
-        the ids that use the row.
+        The problem: `dataset, pair, origin`, its hash `case`, and `set`; `kind`: "related", "mirrored" (its
+        target is), or "mixed" (with the target of the pair `other`); `nuisance, level, matches, nms_radius,
+        voxel, seed`; `front`: changes to the paper's front end as JSON. "" and NaN stand for no value.
 
-        "registration", one row per pair and pipeline: `set`; `kind`: "related", "mirrored" (its target is),
-        or "mixed" (with the target of the pair `other`); `column`: the set, with the side of `split_overlap`
-        that the pair is on; `pipeline, name, refined, threads`; `voxel, pr, overlap`: of the pair;
-        `ok, probability`: the pipeline's trust in its pose; `nees`: normalized estimation error squared, by
-        the pipeline's covariance, 6 on average where that holds; errors and limits; `stages`: dict of
-        seconds, of which `seconds` is the sum.
+        The solver: `method` (its label), `name, threads, seconds, machine, version`; `error`: "" or the
+        error, and then the numbers are NaN or 0; `skipped`: "" or why it wasn't run to its end.
 
-        "scenes", one row per bag of scans and solver: `set`; `dataset`: all places in the bag; `pair`: its
-        seed; `kind`: "mirrored" where each place is there once more, mirrored; `solver, name, threads`;
-        `voxel, scans`: of the bag; `right, mixed, found, wanted, placed` and, as tuples, `rotation,
-        translation`: of `cgroup.evaluation.SceneScore`; `tried`: pairs of scans that were registered;
-        `stages` as above.
+        Errors of a pose: `rotation_error` (degrees), `translation_error` (data unit) and `rmse_pr`, NaN
+        without a pose. `right, accurate`: whether they keep the set's limits, false for unrelated clouds.
 
-        "matches", one row per problem, method and number of threads: `set, kind, other, matches, voxel,
-        epsilon, case`: the problem; `loose, strict, preset, whole`: of its set, as configured; `scene, size,
-        inliers, noise, frames, number`: recipe of generated ones; `method, threads`; `n, correct,
-        inlier_ratio, resolution, pr, overlap`: the matches; `selected, selected_correct, precision, recall,
-        f_score, registered`: the group, as above; `posed, ok, complete`: the method's word on its answer
-        (`ok` is None where it gives none); errors and limits; `best_...`: the same of the best of the
-        `offered` poses, by the truth; `mebibytes`; `skipped`: "" or why the method wasn't run to its end;
-        `diagnostics` as JSON.
+        "experiment" and "matches": `n, correct, inlier_ratio, resolution, pr, overlap, clutter, occlusion` of
+        the matches; `epsilon, selected, selected_correct, precision, recall, f_score, registered` of the
+        group; `posed, ok, complete`: what the method reports (`ok` is None if it reports nothing);
+        `best_...`: errors of the best of the `offered` poses, by the truth; `diagnostics` as JSON.
 
-        "timing", one row per method, set and repeat: `method, n, threads` (0: all cores), `repeat`.
+        "experiment": sets are taken together, `experiments` is the tuple of their ids; `matches` is named
+        `combination`, with `detector, descriptor`; `translation_error_pr`; ``ok:<protocol>``: registered by
+        another criterion than the paper's, None where it doesn't apply.
+
+        "matches": `mebibytes`; `loose, strict, preset, whole` of the set; `scene, size, inliers, noise,
+        frames, number` of generated problems.
+
+        "registration": `column`: the set, with the side of `split_overlap`; `ok, probability` reported by the
+        pipeline; `nees`: normalized squared error by its covariance, 6 on average if that is right; `stages`:
+        dict of seconds, whose sum is `seconds`.
+
+        "scenes": `dataset` names all places, `pair` the seed; `scans`; the counts and, as tuples, the errors
+        of `cgroup.evaluation.SceneScore`; `tried`: registered pairs of scans; `stages`.
+
+        "timing": `n`, and a row per `repeat`.
 
     Raises
     ------
@@ -188,67 +154,157 @@ def load(path: Path | str, kind: Task = "experiment") -> pd.DataFrame:
     >>> len(load(Path("results"), "timing"))  # none was asked for
     0
     """
-    makers = {
-        "experiment": _make_experiments,
-        "registration": _make_registrations,
-        "scenes": _make_scenes,
-        "matches": _make_matches,
-        "timing": _make_times,
-    }
-    if kind not in makers:
-        message = f"kind: got {kind!r}; choose one of {', '.join(makers)}"
+    if kind not in _MEASURES:
+        message = f"kind: got {kind!r}; choose one of {', '.join(_MEASURES)}"
         raise InputError(message)
-    return makers[kind](as_path("path", path))
+    frame = _load(as_path("path", path), kind)
+    if kind == "timing":
+        frame = frame[(frame["skipped"] == "") & (frame["error"] == "")]
+        frame = frame.assign(repeat=[list(enumerate(each)) for each in frame.pop("repeats")])
+        frame = frame.explode("repeat").sort_values("n", kind="stable", ignore_index=True)
+        pairs = frame["repeat"].tolist()
+        frame["repeat"] = np.array([repeat for repeat, _ in pairs], dtype=int)
+        frame["seconds"] = np.array([seconds for _, seconds in pairs], dtype=float)
+    return frame
+
+
+def _load(path: Path, kind: Task) -> pd.DataFrame:
+    """Read the rows of a kind, with columns for all measures and definitions of the sets."""
+    frame = _query(path, _ROWS + _ORDERS.get(kind, _ORDER), (kind,))
+    parse = functools.lru_cache(maxsize=64)(json.loads)  # definitions repeat
+    protocols, definitions, numbers = ([parse(text) for text in frame.pop(name)] for name in _TEXTS)
+    frame["seed"] = [int(seed) for seed in frame["seed"]]  # text, if too large for SQLite
+    frame["refined"] = frame["refined"].fillna(0).astype(bool)
+    for name, otherwise in _MEASURES[kind].items():
+        frame[name] = _make_column(name, otherwise, numbers, frame["epsilon"])
+    if _MEASURES[kind] is _GROUPS:
+        add_scores(frame)
+        frame["translation_error_pr"] = frame["translation_error"] / frame["pr"]
+    if kind == "experiment":
+        return _join_experiments(frame, protocols)
+    if kind in {"registration", "matches"}:
+        _add_verdicts(frame, definitions)
+    return frame.drop(columns=["solver", "place"])
+
+
+def _make_column(name: str, otherwise: Any, rows: list[dict[str, Any]], epsilons: pd.Series) -> np.ndarray:  # noqa: ANN401 - any number
+    """Return a column of numbers, with counts at the threshold of each row, and NaN or infinity for None."""
+    column: list[Any] = [row.get(name, otherwise) for row in rows]
+    if name in {"correct", "selected_correct"}:
+        column = [each.get(str(at), 0) if each else 0 for each, at in zip(column, epsilons, strict=True)]
+    if isinstance(otherwise, tuple):
+        column = [tuple(math.inf if each is None else each for each in row) for row in column]
+    if name == "truth":
+        column = [None if each is None else np.array(each) for each in column]
+    if isinstance(otherwise, float):
+        column = [math.nan if each is None else each for each in column]
+    dtype = type(otherwise) if isinstance(otherwise, (bool, int, float)) else object
+    made = np.empty(len(column), dtype=dtype)
+    made[:] = column
+    return made
+
+
+def _join_experiments(frame: pd.DataFrame, protocols: list[list[str]]) -> pd.DataFrame:
+    """Take rows together that several experiments ask for, and add verdicts by the protocols of the pairs."""
+    failed = frame["error"] != ""
+    counts = ["correct", "selected", "selected_correct"]
+    frame[counts] = frame[counts].mask(failed) if failed.any() else frame[counts]
+    add_scores(frame)
+    frame["combination"] = frame.pop("matches")
+    for at, name in enumerate(("detector", "descriptor")):
+        frame[name] = [COMBINATIONS.get(each, ("", ""))[at] for each in frame["combination"]]
+    rows = zip(frame["precision"], *(frame[name] for name in ERRORS), strict=True)
+    # A group that fixes no pose is infinitely far off.
+    errors = [(precision, *(each if each[0] == each[0] else [math.inf] * 3)) for precision, *each in rows]
+    for protocol in dict.fromkeys(name for names in protocols for name in names if name != PAPER_PROTOCOL):
+        verdicts = zip(errors, protocols, failed, strict=True)
+        frame[PROTOCOL_PREFIX + protocol] = np.array(
+            [
+                PROTOCOLS[protocol].judge(*each) if protocol in names and not bad else None
+                for each, names, bad in verdicts
+            ],
+            dtype=object,
+        )
+    keys = ["case", "solver", "epsilon"]
+    ids = frame.groupby(keys, sort=False)["set"].agg(lambda each: tuple(dict.fromkeys(each)))
+    order = ["dataset", "pair", "nuisance", "level", "nms_radius", "combination", "case", "place", "epsilon"]
+    frame = frame.drop_duplicates(keys).sort_values(order, na_position="first", ignore_index=True)
+    frame["experiments"] = [ids[key] for key in zip(*(frame[name] for name in keys), strict=True)]
+    return frame.drop(columns=["solver", "place", "set"])
+
+
+def _add_verdicts(frame: pd.DataFrame, definitions: list[dict[str, Any]]) -> None:
+    """Add the definitions of the sets, and whether poses keep their limits; unknown errors don't."""
+    for name in ("loose", "strict", "preset", "whole"):
+        frame[name] = [known.get(name) for known in definitions]
+    limits = {"right": ("loose", ""), "accurate": ("strict", "")}
+    if "best_rmse_pr" in frame:
+        limits["best_right"] = ("loose", "best_")
+    for column, (limit, prefix) in limits.items():
+        errors = zip(frame[limit], *(frame[prefix + name] for name in ERRORS), strict=True)
+        right = [bool(PROTOCOLS[protocol].judge(math.nan, *each)) for protocol, *each in errors]
+        frame[column] = np.array(right, dtype=bool)
+    frame["pose"] = [None if each is None else unpack_pose(each) for each in frame["pose"]]
+    splits = zip(frame["set"], definitions, frame["overlap"], strict=True)
+    frame["column"] = [_name_column(name, known.get("split_overlap"), each) for name, known, each in splits]
+    places = zip(frame["dataset"], frame["pair"], strict=True)
+    recipes = [asdict(read_recipe(pair)) if name == GeneratedMatches.name else {} for name, pair in places]
+    for name in ("scene", "size", "inliers", "noise", "frames", "number"):
+        frame[name] = [recipe.get("n" if name == "size" else name, math.nan) for recipe in recipes]
+
+
+def _name_column(name: str, split: float | None, overlap: float) -> str:
+    if split is None:
+        return name
+    return f"{name}, overlap {'>=' if overlap >= split else '<'} {split:g}"
 
 
 def load_skips(path: Path) -> pd.DataFrame:
-    """Read which methods weren't timed on which sets: `method, n, threads, reason, machine`."""
-    frame = _query_results(path, "timing").rename(columns={"skipped": "reason"})
-    frame = frame[frame["reason"] != ""].sort_values("n", kind="stable").reset_index(drop=True)
+    """Return which methods weren't timed on which sets: `method, n, threads, reason, machine`."""
+    frame = _load(path, "timing")
+    frame["reason"] = frame["skipped"] + frame["error"]
+    frame = frame[frame["reason"] != ""].sort_values("n", kind="stable", ignore_index=True)
     return frame[["method", "n", "threads", "reason", "machine"]]
 
 
 def load_machines(path: Path) -> pd.DataFrame:
-    """Read which machines made results: `id, cpu, cores, system, python, numpy`."""
+    """Return the machines that made results: `id, cpu, cores, system, python, numpy`."""
     return _query(path, "select * from machines order by id")
 
 
 def load_datasets(path: Path) -> pd.DataFrame:
-    """Read the facts about the data sets: `name, title, role, origin, citation`."""
+    """Return the facts about the data sets: `name, title, role, origin, citation`."""
     return _query(path, "select * from datasets order by name")
 
 
 def load_config(path: Path) -> dict[str, Any]:
-    """Read the latest configuration: plain values as in its TOML, defaults filled in."""
+    """Return the latest configuration as plain values, with defaults filled in."""
     return _read_plan(path, "config")
 
 
 def load_missing(path: Path) -> dict[str, str]:
-    """Read which data sets and pipelines weren't at hand: reasons by name."""
+    """Return the reasons why data sets and pipelines are missing, by name."""
     return _read_plan(path, "missing")
 
 
 def load_counts(path: Path) -> dict[str, Counts]:
-    """Read how far each stage is with the latest configuration."""
+    """Count the results of each kind that the latest configuration asks for."""
     with _open_records(path) as connection:
         return count_results(connection)
 
 
 def load_failures(path: Path) -> list[tuple[str, str, int]]:
-    """Read what failed, most frequent first: solver (empty where matching failed), error, how often."""
+    """Return solver, error and number of failed results, most frequent first."""
     statement = """
-    select '', error, count(*) from wanted_matches join problems on key = problem
-    where error <> '' group by error
-    union all
     select label, error, count(*) from wanted join results using (problem, solver, threads)
-    where error <> '' group by label, error
+    where error <> '' group by label, error order by count(*) desc
     """
     with _open_records(path) as connection:
-        return sorted(connection.execute(statement).fetchall(), key=lambda row: -row[2])
+        return connection.execute(statement).fetchall()
 
 
 def load_groups(path: Path | str, case: str) -> tuple[Correspondences, FloatArray, dict[str, BoolArray]]:
-    """Read what each method selected in one problem of an experiment.
+    """Read the groups of all methods in one problem of an experiment.
 
     Parameters
     ----------
@@ -260,7 +316,7 @@ def load_groups(path: Path | str, case: str) -> tuple[Correspondences, FloatArra
     Returns
     -------
     matches : Correspondences
-        The matches that the methods were given.
+        The matches of the problem.
     pose : (4,4) array of float64
         The true pose.
     masks : dict of str to (n,) array of bool
@@ -270,20 +326,6 @@ def load_groups(path: Path | str, case: str) -> tuple[Correspondences, FloatArra
     ------
     InputError
         As `load`, and if there are no results of the case.
-
-    Examples
-    --------
-    >>> from pathlib import Path
-    >>> from cgroup.benchmark.config import Config
-    >>> from cgroup.benchmark.run import run
-    >>> from cgroup.benchmark.tables import load, load_groups
-    >>> small = {"id": "small", "dataset": "generated-matches", "pairs": 2}
-    >>> config = Config(name="mine", methods=["gtm"], experiment=[small])
-    >>> _ = run(config, Path("results"), backend="threading")
-    >>> case = load(Path("results"))["case"].iloc[0]
-    >>> matches, pose, masks = load_groups(Path("results"), case)
-    >>> len(matches), pose.shape, list(masks)
-    (1000, (4, 4), ['gtm'])
     """
     statement = """
     select distinct l.label, mask, l.place from results r join plan_problems q using (problem)
@@ -291,122 +333,19 @@ def load_groups(path: Path | str, case: str) -> tuple[Correspondences, FloatArra
     where r.problem = ? and r.error = '' and mask is not null order by l.place
     """
     with _open_records(path) as connection:
-        arrays = connection.execute("select content, truth from arrays where problem = ?", (case,)).fetchone()
+        row = connection.execute("select content from matches where problem = ?", (case,)).fetchone()
         rows = connection.execute(statement, (case,)).fetchall()
-    if arrays is None:
-        message = f"{path}: no records of the case {case}; the column `case` of `load` names those there are"
+    if row is None:
+        message = f"{path}: no records of the case {case}; use one from the column `case` of `load`"
         raise InputError(message)
     try:
-        matches, pose = unpack(arrays[0]), floats_from_bytes(arrays[1], (4, 4))
+        found = unpack(row[0])
     except Exception as error:
         message = f"{path}: the matches of the case {case} can't be read ({error}); run it in another folder"
         raise InputError(message) from error
-    return matches, pose, {label: unpack_mask(mask, len(matches)) for label, mask, _ in rows}
-
-
-# --- frames ----------------------------------------------------------------------------------------
-
-
-def _make_experiments(path: Path) -> pd.DataFrame:
-    frame = _query(path, _EXPERIMENTS)
-    frame["seed"] = [int(seed) for seed in frame["seed"]]  # text, if too large for SQLite
-    combinations = [COMBINATIONS.get(name, ("", "")) for name in frame["combination"]]
-    frame["detector"] = [detector for detector, _ in combinations]
-    frame["descriptor"] = [descriptor for _, descriptor in combinations]
-    _add_columns(frame, _parse(frame, "facts"), dict.fromkeys(("clutter", "occlusion", "overlap"), math.nan))
-    frame["experiments"] = [tuple(json.loads(text)) for text in frame["experiments"]]
-    verdicts = _parse(frame, "protocols")
-    protocols = dict.fromkeys(name for row in verdicts for name in row if name != PAPER_PROTOCOL)
-    _add_columns(frame, verdicts, protocols, PROTOCOL_PREFIX)
-    add_scores(frame)
-    frame["translation_error_pr"] = frame["translation_error"] / frame["pr"]
-    return frame
-
-
-def _make_registrations(path: Path) -> pd.DataFrame:
-    frame = _query_results(path, "registration", "p.dataset, p.pair, p.kind, p.other")
-    frame = frame.rename(columns={"method": "pipeline"})
-    definitions, numbers = _parse(frame, "definition"), _parse(frame, "numbers")
-    _add_columns(frame, numbers, _NUMBERS["registration"])
-    frame["refined"] = frame["refined"].astype(bool)
-    frame["stages"] = [each.get("stages", {}) for each in numbers]
-    _judge_poses(frame, definitions, {"right": ("loose", ""), "accurate": ("strict", "")})
-    splits = zip(frame["set"], definitions, frame["overlap"], strict=True)
-    frame["column"] = [_name_column(name, known["split_overlap"], overlap) for name, known, overlap in splits]
-    return frame.drop(columns=["matches", "epsilon", "n", "skipped", "case"])
-
-
-def _make_scenes(path: Path) -> pd.DataFrame:
-    frame = _query_results(path, "scenes").rename(columns={"method": "solver"})
-    numbers = _parse(frame, "numbers")
-    _add_columns(frame, numbers, _NUMBERS["scenes"])
-    for name in ("rotation", "translation"):
-        errors = (each.get(name, ()) for each in numbers)
-        frame[name] = [tuple(math.inf if each is None else each for each in row) for row in errors]
-    frame["stages"] = [each.get("stages", {}) for each in numbers]
-    unused = ["definition", "origin", "other", "matches", "epsilon", "n", "refined", "skipped", "case"]
-    return frame.drop(columns=unused)
-
-
-def _make_matches(path: Path) -> pd.DataFrame:
-    frame = _query_results(path, "matches")
-    definitions = _parse(frame, "definition")
-    _add_columns(frame, _parse(frame, "numbers"), _NUMBERS["matches"])
-    for name in ("loose", "strict", "preset", "whole"):
-        frame[name] = [known[name] for known in definitions]
-    add_scores(frame)
-    limits = {"right": ("loose", ""), "accurate": ("strict", ""), "best_right": ("loose", "best_")}
-    _judge_poses(frame, definitions, limits)
-    places = zip(frame["dataset"], frame["pair"], strict=True)
-    recipes = [asdict(read_recipe(pair)) if name == GeneratedMatches.name else {} for name, pair in places]
-    for name in ("scene", "size", "inliers", "noise", "frames", "number"):
-        frame[name] = [recipe.get("n" if name == "size" else name, math.nan) for recipe in recipes]
-    return frame.drop(columns=["name", "refined"])
-
-
-def _make_times(path: Path) -> pd.DataFrame:
-    frame = _query_results(path, "timing")
-    frame["repeat"] = [list(enumerate(numbers["repeats"])) for numbers in _parse(frame, "numbers")]
-    frame = frame[frame["skipped"] == ""].explode("repeat").sort_values("n", kind="stable")
-    pairs = frame["repeat"].tolist()
-    frame["repeat"] = np.array([repeat for repeat, _ in pairs], dtype=int)
-    frame["seconds"] = np.array([seconds for _, seconds in pairs], dtype=float)
-    columns = ["method", "n", "threads", "repeat", "seconds", "dataset", "pair", "machine", "version"]
-    return frame.reset_index(drop=True)[columns]
-
-
-def _parse(frame: pd.DataFrame, column: str) -> list[dict[str, Any]]:
-    """Take out a column of JSON; empty where there is none."""
-    parse = functools.lru_cache(maxsize=64)(json.loads)  # definitions repeat
-    return [parse(text) if isinstance(text, str) else {} for text in frame.pop(column)]
-
-
-def _add_columns(
-    frame: pd.DataFrame, rows: list[dict[str, Any]], columns: dict[str, Any], prefix: str = ""
-) -> None:
-    """Add columns from JSON; each has the type of the value that stands in where there is none."""
-    for name, otherwise in columns.items():
-        column = [row.get(name, otherwise) for row in rows]
-        dtype = object if otherwise is None or isinstance(otherwise, str) else type(otherwise)
-        if dtype is float:
-            column = [math.nan if each is None else each for each in column]
-        frame[prefix + name] = np.array(column, dtype=dtype)
-
-
-def _judge_poses(
-    frame: pd.DataFrame, definitions: Sequence[dict[str, Any]], limits: dict[str, tuple[str, str]]
-) -> None:
-    """Add whether errors in columns with a prefix keep a limit of the set; unknown ones don't."""
-    for column, (limit, prefix) in limits.items():
-        errors = zip(definitions, *(frame[prefix + name] for name in _ERRORS), strict=True)
-        right = [bool(PROTOCOLS[known[limit]].judge(math.nan, *each)) for known, *each in errors]
-        frame[column] = np.array(right, dtype=bool)
-
-
-def _name_column(name: str, split: float | None, overlap: float) -> str:
-    if split is None:
-        return name
-    return f"{name}, overlap {'>=' if overlap >= split else '<'} {split:g}"
+    assert found.truth is not None  # noqa: S101 - pairs of experiments are related
+    masks = {label: unpack_mask(mask, len(found.matches)) for label, mask, _ in rows}
+    return found.matches, found.truth, masks
 
 
 # --- means -----------------------------------------------------------------------------------------
@@ -422,7 +361,7 @@ def add_scores(frame: pd.DataFrame) -> None:
 def aggregate(
     frame: pd.DataFrame, by: Sequence[str], how: Literal["macro", "pooled", "median"] = "macro"
 ) -> pd.DataFrame:
-    """Take several pairs together.
+    """Return means over pairs.
 
     Parameters
     ----------
@@ -431,15 +370,14 @@ def aggregate(
     by : sequence of str
         Columns to group by.
     how : {"macro", "pooled", "median"}
-        Mean or median over the pairs, each with the same weight; or the scores of all their matches taken as
-        one set.
+        Mean or median over the pairs with equal weights, or the scores of all matches as one set.
 
     Returns
     -------
     DataFrame
         The columns of `by`, the number of `pairs`, `n`, `correct`, `inlier_ratio`, `precision, recall,
         f_score`, `f_of_means` (of mean precision and recall), the shares `registered` and of each protocol
-        (among the pairs to which it is applicable), and `seconds`. Shares are means whatever `how` is.
+        (of the pairs to which it applies), and `seconds`. Shares are means for every `how`.
 
     Raises
     ------
@@ -489,7 +427,7 @@ def exponents(timing: pd.DataFrame, *, threads: int = 1, least: int = FITTED_FRO
     threads : int
         Number of threads of the times.
     least : int
-        Sets with fewer correspondences are left out.
+        Sets with fewer matches are left out.
 
     Returns
     -------
@@ -500,16 +438,6 @@ def exponents(timing: pd.DataFrame, *, threads: int = 1, least: int = FITTED_FRO
     ------
     KeyError
         For times that lack a column.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> from cgroup.benchmark.tables import exponents
-    >>> timing = pd.DataFrame(
-    ...     {"method": "gtm", "n": [2000, 4000], "threads": 1, "seconds": [0.1, 0.4]}
-    ... )
-    >>> exponents(timing).round(6).values.tolist()
-    [['gtm', 2.0, 2]]
     """
     import pandas as pd  # noqa: PLC0415 - slow to load, and workers do without
 
@@ -520,81 +448,7 @@ def exponents(timing: pd.DataFrame, *, threads: int = 1, least: int = FITTED_FRO
     return pd.DataFrame(rows, columns=["method", "exponent", "sizes"])
 
 
-class PairPose(NamedTuple):
-    """What a method of a set has found of a pair of a data set.
-
-    Attributes
-    ----------
-    set_id, method, dataset, pair : str
-        Their names.
-    found, true : (4,4) array of float64 or None
-        Poses, which map source into target; None for none.
-
-    Examples
-    --------
-    >>> from cgroup.benchmark.tables import PairPose
-    >>> PairPose("KITTI", "lc", "kitti", "08/15-58", None, None).pair
-    '08/15-58'
-    """
-
-    set_id: str
-    method: str
-    dataset: str
-    pair: str
-    found: FloatArray | None
-    true: FloatArray | None
-
-
-def load_poses(path: Path | str) -> list[PairPose]:
-    """Read the poses that trials and registrations have found of pairs.
-
-    Parameters
-    ----------
-    path : path
-        Folder of the run, or the file of records in it.
-
-    Returns
-    -------
-    list of PairPose
-        By set, method and pair.
-
-    Raises
-    ------
-    InputError
-        If there are no records.
-
-    Examples
-    --------
-    >>> from pathlib import Path
-    >>> from cgroup.benchmark.config import Config
-    >>> from cgroup.benchmark.run import run
-    >>> from cgroup.benchmark.tables import load_poses
-    >>> few = {"id": "few", "dataset": "generated-matches", "pairs": 1}
-    >>> config = Config(name="mine", trials={"methods": ["lc"], "sets": [few]})
-    >>> _ = run(config, Path("poses"), backend="threading")
-    >>> [(one.set_id, one.method, one.found.shape) for one in load_poses(Path("poses"))]
-    [('few', 'lc', (4, 4))]
-    """
-    with _open_records(path) as connection:
-        rows = connection.execute(_POSES).fetchall()
-    return [
-        PairPose(
-            set_id,
-            method,
-            dataset,
-            pair,
-            None if found is None else floats_from_bytes(found, (4, 4)),
-            None if true is None else np.array(json.loads(true)),
-        )
-        for set_id, method, dataset, pair, found, true in rows
-    ]
-
-
 # --- the file --------------------------------------------------------------------------------------
-
-
-def _query_results(path: Path, task: str, order: str = "q.place, h.value") -> pd.DataFrame:
-    return _query(path, _RESULTS.format(order=order), (task,))
 
 
 def _query(path: Path, statement: str, parameters: tuple[str, ...] = ()) -> pd.DataFrame:
@@ -617,7 +471,7 @@ def _read_plan(path: Path, column: str) -> Any:  # noqa: ANN401 - whatever the c
 
 @contextmanager
 def _open_records(path: Path | str) -> Generator[sqlite3.Connection, None, None]:
-    """Open the results for reading; a run may write to them meanwhile."""
+    """Open the results for reading; a run may write meanwhile."""
     path = as_path("path", path)
     file = path / RECORDS if path.is_dir() else path
     if not file.exists() or not file.stat().st_size:
@@ -634,7 +488,7 @@ def _open_records(path: Path | str) -> Generator[sqlite3.Connection, None, None]
     except sqlite3.Error as error:
         message = (
             f"{file}: not a file of records, or one that can't be read ({error}); the next run computes all "
-            "anew"
+            "results again"
         )
         raise InputError(message) from error
 

@@ -288,12 +288,12 @@ def trials_chart(
 
 def scenes_chart(good: pd.DataFrame) -> Chart:
     """Chart the share of pairs of scans up to each error, set by set: degrees, and shifts."""
-    looks = _style_pipelines(good.assign(pipeline=good["solver"], refined=False))
+    looks = _style_pipelines(good)
     columns = {"rotation": "degrees", "translation": "shift, in the data's unit"}
     panels = [
         Panel(
             f"{name}: {column}", x_title, "share of pairs up to it",
-            _distributions(of_set.groupby("solver", sort=False)[column].sum().to_dict()),
+            _distributions(of_set.groupby("method", sort=False)[column].sum().to_dict()),
             kind="lines", logarithmic="x",
         )
         for name, of_set in good.groupby("set", sort=False)
@@ -312,12 +312,11 @@ def _distributions(errors: Mapping[str, tuple[float, ...]]) -> list[Series]:
 
 def pipelines_chart(frame: pd.DataFrame, estimate: Estimator = estimate_means) -> Chart:
     """Chart how many pairs pipelines register, by overlap and over time, and how well probabilities fit."""
-    every = frame.assign(method=frame["pipeline"])
-    rows = every[every["kind"] == "related"]
+    rows = frame[frame["kind"] == "related"]
     looks = _style_pipelines(rows)
     panels = [_by_overlap(rows, looks, estimate)] if rows["overlap"].notna().any() else []
-    if every["probability"].notna().any():
-        panels.append(_by_probability(every, looks, estimate))
+    if frame["probability"].notna().any():
+        panels.append(_by_probability(frame, looks, estimate))
     for name, of_set in rows.groupby("set", sort=False):
         found = estimate(of_set, ("right",))
         seconds = of_set.groupby("method")["seconds"].median()
@@ -359,11 +358,11 @@ def _share_right(
 
 def _style_pipelines(frame: pd.DataFrame) -> dict[str, MethodStyle]:
     """Choose colours by the kind of pipeline, and markers by the order; refined ones are drawn dashed."""
-    named = frame.drop_duplicates("pipeline")
-    own = style.own_styles(named.loc[~named["name"].isin(_FAMILIES), "pipeline"])
+    named = frame.drop_duplicates("method")
+    own = style.own_styles(named.loc[~named["name"].isin(_FAMILIES), "method"])
     looks: dict[str, MethodStyle] = {}
     used: dict[tuple[str, ...], int] = {}
-    for label, name, refined in zip(named["pipeline"], named["name"], named["refined"], strict=True):
+    for label, name, refined in zip(named["method"], named["name"], named["refined"], strict=True):
         dashes = (0, (3, 1.5)) if refined else "-"
         if label in own:
             looks[label] = own[label]._replace(dashes=dashes)

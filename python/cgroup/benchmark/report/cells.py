@@ -1,32 +1,27 @@
-"""Tables as plain cells for the template."""
+"""Tables of the report: cells, and rows declared by a group of rows and columns of numbers."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from cgroup.plots.style import METHOD_STYLES, method_style
 
+if TYPE_CHECKING:  # slow to load
+    import pandas as pd
+
 MISSING = "-"
-"""Stands in cells without a value."""
+"""Text of cells without a value."""
 
 _DIGITS = "0123456789.,-+e/% "
 
 
 class Cell(NamedTuple):
-    """One cell.
+    """A cell: its text, the number or text that sorts it, and whether it is among the best of its column.
 
-    Attributes
-    ----------
-    text : str
-        What is shown.
-    key : float or str
-        What the column is sorted by.
-    best : bool
-        Whether it is the best of its column, or as good.
-    interval : tuple of float, optional
-        A mean between 0 and 1, and the ends of its interval, drawn as a bar.
+    `interval` is a mean between 0 and 1 and the ends of its interval, drawn as a bar.
     """
 
     text: str
@@ -37,17 +32,7 @@ class Cell(NamedTuple):
 
 @dataclass(frozen=True)
 class Table:
-    """A table that can be sorted.
-
-    Attributes
-    ----------
-    caption : str
-        Shown above it.
-    headers : tuple of str
-        One per column.
-    rows : list of tuple of Cell
-        In the order in which they are shown first.
-    """
+    """A table that can be sorted: caption, a header per column, and rows in the order shown first."""
 
     caption: str
     headers: tuple[str, ...]
@@ -55,18 +40,18 @@ class Table:
 
     @property
     def numeric(self) -> list[bool]:
-        """Whether each column is sorted by numbers."""
+        """For each column, whether it is sorted by numbers."""
         return [any(not isinstance(cell.key, str) for cell in column) for column in self._columns()]
 
     @property
     def right(self) -> list[bool]:
-        """Whether each column shows numbers, and is set flush right."""
+        """For each column, whether it shows numbers, and is aligned right."""
         shown = (all(not cell.text.strip(_DIGITS) for cell in column) for column in self._columns())
         return [digits and by_number for digits, by_number in zip(shown, self.numeric, strict=True)]
 
     @property
     def descending(self) -> list[bool]:
-        """Whether the first click on each column shows the largest first: numbers, but no ranks or p."""
+        """For each column, whether the first click sorts the largest first: numbers except ranks and p."""
         return [
             number and header not in {"rank", "p"}
             for number, header in zip(self.numeric, self.headers, strict=True)
@@ -77,19 +62,74 @@ class Table:
 
 
 def number(value: float | None, text: str = "{:.3f}") -> Cell:
-    """Cell of a number; a dash for NaN, sorted last."""
+    """Return a cell of a number; a dash for NaN, sorted last."""
     if value is None or math.isnan(value):
         return Cell(MISSING, -math.inf)
     return Cell(text.format(value), float(value))
 
 
 def words(text: object) -> Cell:
-    """Cell of a text."""
+    """Return a cell of a text."""
     return Cell(str(text), str(text))
 
 
 def method_cell(method: str) -> Cell:
-    """Cell of a method, sorted in the paper's order."""
+    """Return a cell of a method, sorted in the paper's order."""
     known = list(METHOD_STYLES)
     order = known.index(method) if method in known else len(known)
     return Cell(method_style(method).label, float(order))
+
+
+Columns = Mapping[str, "Callable[[pd.DataFrame], Cell]"]
+"""Headers, and functions from the rows of one group to a cell."""
+
+
+def tabulate(
+    caption: str,
+    frame: pd.DataFrame,
+    by: Mapping[str, str],
+    columns: Columns,
+    *,
+    name: Callable[[str], Cell] = words,
+    best: bool = False,
+) -> Table:
+    """Make a table with one row per group of rows.
+
+    `by` has a header for each column that the rows are grouped by. `name` makes the cell of the last one.
+    `best` marks the largest number of each column.
+    """
+    lines: list[tuple[Cell, ...]] = []
+    for key, rows in frame.groupby(list(by), sort=False):
+        *others, last = key
+        cells = [make(rows) for make in columns.values()]
+        lines.append((*map(words, others), name(str(last)), *cells))
+    if best:
+        most = [max(cell.key for cell in column) for column in zip(*lines, strict=True)]
+        lines = [
+            tuple(cell._replace(best=at >= len(by) and cell.key == most[at]) for at, cell in enumerate(line))
+            for line in lines
+        ]
+    return Table(caption, (*by.values(), *columns), lines)
+
+
+def mean(column: str, text: str = "{:.3f}") -> Callable[[pd.DataFrame], Cell]:
+    """Return a function that makes the cell of a mean."""
+    return lambda rows: number(float(rows[column].mean()), text)
+
+
+def median(column: str, text: str, scale: float = 1.0) -> Callable[[pd.DataFrame], Cell]:
+    """Return a function that makes the cell of a scaled median."""
+    return lambda rows: number(scale * float(rows[column].median()), text)
+
+
+def share(flags: pd.Series) -> Cell:
+    """Return a cell "k of n" for flags."""
+    if flags.empty:
+        return Cell(MISSING, -1.0)
+    return Cell(f"{int(flags.sum())} of {len(flags)}", float(flags.mean()))
+
+
+def milliseconds(seconds: float) -> Cell:
+    """Return a cell of milliseconds."""
+    value = 1e3 * seconds
+    return number(value, "{:,.0f}" if value >= 100 else "{:.3g}")

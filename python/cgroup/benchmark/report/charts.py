@@ -1,8 +1,9 @@
-"""Interactive charts of the page: those of the figures as numbers, which `charts.js` draws with plotly."""
+"""Interactive charts of the page, as numbers for plotly."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from html import escape
 from typing import TYPE_CHECKING, Any
@@ -12,33 +13,22 @@ import numpy as np
 from cgroup.benchmark.stats import bootstrap, name_units
 from cgroup.evaluation.bins import LEAST_PAIRS
 from cgroup.pages.page import chart_html
+from cgroup.plots.charts import Chart
 from cgroup.plots.experiments import Estimate
+from cgroup.plots.style import MethodStyle
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
+if TYPE_CHECKING:  # slow to load
     import pandas as pd
 
-    from cgroup.plots.charts import Chart
-    from cgroup.plots.style import MethodStyle
-
-_DIGITS = 5  # that numbers are written with
+_DIGITS = 5  # of numbers in the page
 
 
 @dataclass(frozen=True)
 class PageChart:
     """A chart on the page, of which one panel is shown at a time.
 
-    Attributes
-    ----------
-    name : str
-        Of its element.
-    alt : str
-        What it shows, for those who don't see it, and below it for all.
-    chart : Chart
-        Its first panel is shown first.
-    files : tuple of str
-        Names of figures of the same, without the ending.
+    `name` is that of its element, `alt` the text below it and for readers who can't see it. `files` are the
+    names of figures of the same, without the ending.
     """
 
     name: str
@@ -48,17 +38,17 @@ class PageChart:
 
     @property
     def titles(self) -> list[str]:
-        """Of the buttons that show the panels."""
+        """Titles of the panels, for the buttons that show them."""
         return [panel.title for panel in self.chart.panels]
 
     @property
     def has_intervals(self) -> bool:
-        """Whether some values have an interval."""
+        """Whether any value has an interval."""
         lows = (low for panel in self.chart.panels for series in panel.series for low in series.low)
         return any(map(math.isfinite, lows))
 
     def as_html(self) -> str:
-        """Write the chart for the page; `charts.js` fills it from what lies in its layout's `meta`."""
+        """Return the chart as HTML; `charts.js` draws it from its layout's `meta`."""
         meta = {
             "least": LEAST_PAIRS,
             "panels": [_shorten(asdict(panel)) for panel in self.chart.panels],
@@ -83,7 +73,7 @@ class PageChart:
 
 
 def estimate_with_intervals(rows: pd.DataFrame, columns: Sequence[str]) -> dict[str, dict[str, Estimate]]:
-    """Find means over pairs with their intervals, none where there are too few pairs for any."""
+    """Return means over pairs with their intervals; without intervals for too few pairs."""
     pairs = rows[["dataset", "pair"]].drop_duplicates()
     units = dict(zip(zip(pairs["dataset"], pairs["pair"], strict=True), name_units(pairs), strict=True))
     keys = [units[key] for key in zip(rows["dataset"], rows["pair"], strict=True)]
@@ -101,13 +91,13 @@ def estimate_with_intervals(rows: pd.DataFrame, columns: Sequence[str]) -> dict[
 
 
 def _name_look(look: MethodStyle) -> dict[str, Any]:
-    """Name a look as plotly does."""
+    """Return a look by the names of plotly."""
     dash = "solid" if look.dashes == "-" else "dash"
     return {"label": look.label, "color": look.color, "symbol": look.symbol, "dash": dash, "size": look.size}
 
 
 def _shorten(value: Any) -> Any:  # noqa: ANN401 - whatever JSON holds
-    """Leave out what is empty, and write numbers with few digits, None where there is none."""
+    """Drop empty values and shorten numbers; None for NaN and infinity."""
     if isinstance(value, dict):
         short = {key: _shorten(each) for key, each in value.items()}
         return {key: each for key, each in short.items() if each not in ("", [], {})}

@@ -1,11 +1,12 @@
-"""One self-contained page with what a run has found: figures, tables, and the claims of the paper."""
+"""The report of a run: one self-contained page with charts, tables, and the claims of the paper."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
 from datetime import datetime, timezone
 from importlib import resources
-from typing import TYPE_CHECKING, Any, Literal
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -16,7 +17,7 @@ from cgroup.benchmark import tables
 from cgroup.benchmark.paper import EXPERIMENTS
 from cgroup.benchmark.paper.claims import CRITERIA, RESAMPLES, check_evidence
 from cgroup.benchmark.paper.evidence import Evidence
-from cgroup.benchmark.paper.verdicts import as_markdown, count_verdicts
+from cgroup.benchmark.paper.verdicts import Verdict, as_markdown, count_verdicts
 from cgroup.benchmark.report.pictures import PictureBook
 from cgroup.benchmark.report.pose_files import write_poses
 from cgroup.benchmark.report.registration import make_registration_section
@@ -30,48 +31,20 @@ from cgroup.benchmark.report.sections import (
 )
 from cgroup.benchmark.report.standings import make_standings
 from cgroup.benchmark.report.tables import dataset_table, failure_table, plain_table, score_table
-from cgroup.benchmark.report.trial_tables import overview_table
-from cgroup.benchmark.report.trials import make_trial_sections
+from cgroup.benchmark.report.trials import make_trial_sections, overview_table
 from cgroup.io import write_file
 from cgroup.io._results import Results
 from cgroup.pages.page import page_html, write_page
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-    from pathlib import Path
-
+if TYPE_CHECKING:  # slow to load
     import pandas as pd
 
-    from cgroup.benchmark.paper.claims import Verdict
-    from cgroup.benchmark.tables import PairPose
-
 REPORT, CLAIMS, FIGURES, POSES = "report.html", "claims.md", "figures", "poses"
-"""What `write_report` leaves in the run's folder."""
+"""Files and folders that `write_report` writes."""
 
 
-@dataclass(frozen=True, eq=False)
-class ReportData:
-    """All that a report is made of.
-
-    Attributes
-    ----------
-    frame, timing, skips : DataFrame
-        Records, times, and what wasn't timed.
-    machines, datasets : DataFrame
-        Machines that made the records; title, role and citation of each data set.
-    config : dict
-        The run's configuration.
-    missing : dict of str to str
-        Data sets and pipelines that weren't at hand, and why.
-    registrations : DataFrame
-        How pipelines registered pairs.
-    scenes : DataFrame
-        How many scans were registered.
-    trials : DataFrame
-        How methods grouped matches, each alone.
-    poses : list of PairPose
-        Poses that trials and registrations have found of pairs.
-    """
+class ReportData(NamedTuple):
+    """Results of all kinds, and facts about the run."""
 
     frame: pd.DataFrame
     timing: pd.DataFrame
@@ -83,11 +56,10 @@ class ReportData:
     registrations: pd.DataFrame
     scenes: pd.DataFrame
     trials: pd.DataFrame
-    poses: list[PairPose]
 
     @classmethod
     def load(cls, out: Path) -> ReportData:
-        """Read the records of a run; raises `InputError` if there are none."""
+        """Read the results of a run; raise `InputError` if there are none."""
         return cls(
             tables.load(out),
             tables.load(out, "timing"),
@@ -99,26 +71,30 @@ class ReportData:
             tables.load(out, "registration"),
             tables.load(out, "scenes"),
             tables.load(out, "matches"),
-            tables.load_poses(out),
         )
+
+    @property
+    def results(self) -> list[pd.DataFrame]:
+        """Frames of all results except times, without empty ones."""
+        return [each for each in (self.frame, self.registrations, self.scenes, self.trials) if len(each)]
 
 
 def write_report(
     out: Path | str, *, root: Path | str | None = None, progress: Callable[[str], Any] | None = None
 ) -> Path:
-    """Write figures, claims and one self-contained page about a run.
+    """Write a self-contained page about a run, its figures and the claims.
 
     Parameters
     ----------
     out : path
-        Folder of the run. Gets ``report.html``, ``claims.md`` and ``figures/*.png|pdf``; and poses of 3DMatch
-        and KITTI, if there are any, as ``poses/SET/METHOD/SCENE/est.log``. What an earlier report wrote and
-        this one does not is removed.
+        Folder of the run, in which ``report.html``, ``claims.md`` and ``figures/*.png|pdf`` are written, and
+        poses of 3DMatch and KITTI as ``poses/SET/METHOD/SCENE/est.log``. Further files of an earlier report
+        are removed.
     root : path, optional
-        Folder with the data, for pictures of a few pairs; the environment says by default. Pairs that
-        aren't there are left out.
+        Folder with the data, for pictures of a few pairs; ``CGROUP_DATA`` by default. Missing pairs are left
+        out.
     progress : callable, optional
-        Called with what is being done.
+        Called with the name of each step.
 
     Returns
     -------
@@ -128,8 +104,8 @@ def write_report(
     Raises
     ------
     InputError
-        If the folder has no records, some aren't what was written, it can't be written to, or a file would be
-        replaced that no report wrote.
+        If the folder has no results, they are damaged, it can't be written to, or a file would be replaced
+        that no report wrote.
 
     Examples
     --------
@@ -161,7 +137,7 @@ def _write(out: Path, data: ReportData, root: Path | None, tell: Callable[[str],
     tell(f"checking claims on {RESAMPLES} resamples")
     verdicts = check_evidence(evidence, resamples=RESAMPLES)
     write_file(out / CLAIMS, as_markdown(verdicts).encode())
-    write_poses(out / POSES, data.poses)
+    write_poses(out / POSES, [data.registrations, data.trials])
     tell("ranking over all pairs")
     standings = make_standings(data.frame, data.trials, data.registrations)
     shown = verdicts if any(verdict.verdict != "not testable" for verdict in verdicts) else []
@@ -179,7 +155,7 @@ def _write(out: Path, data: ReportData, root: Path | None, tell: Callable[[str],
 
 
 def _make_parts(data: ReportData, evidence: Evidence, pictures: PictureBook) -> dict[str, Any]:
-    """Make the sections that there are records for."""
+    """Make the sections that have results."""
     experiments = {each.id: make_sections(each, evidence, pictures) for each in EXPERIMENTS.values()}
     further = evidence.further_samples()
     samples = [*evidence.samples(), *further]
@@ -212,9 +188,9 @@ def _render(*, data: ReportData, verdicts: list[Verdict], **parts: Any) -> str: 
         missing=data.missing,
         version=cgroup.__version__,
         date=datetime.now(tz=timezone.utc).strftime("%Y-%m-%d %H:%M UTC"),
-        totals=_count_totals(frame, data.registrations, data.scenes, data.trials),
+        totals=_count_totals(data),
         datasets=dataset_table(frame, data.datasets) if len(frame) else plain_table("Data sets", frame),
-        failures=failure_table(frame, data.registrations, data.scenes, data.trials),
+        failures=failure_table(data.results),
         sources=plain_table("Data sets", data.datasets),
         machines=plain_table("Machines", data.machines),
         skips=plain_table("Not timed", data.skips),
@@ -230,7 +206,7 @@ def _render(*, data: ReportData, verdicts: list[Verdict], **parts: Any) -> str: 
 
 
 def _list_contents(**parts: Any) -> list[tuple[str, str]]:  # noqa: ANN401 - as above
-    """List anchors and titles of the sections that there are."""
+    """Return anchors and titles of the sections."""
     selections = parts["selections"]
     own = "Further experiments" if parts["experiments"] else "Experiments"
     return [
@@ -243,7 +219,7 @@ def _list_contents(**parts: Any) -> list[tuple[str, str]]:  # noqa: ANN401 - as 
         *([("further", own)] if parts["further"] else []),
         *([("pairs", "Pair by pair")] if parts["pairs"] else []),
         *([("time", "Time")] if parts["times"] else []),
-        *([("selections", "What is selected")] if selections.drawn or selections.missing else []),
+        *([("selections", "Selected matches")] if selections.drawn or selections.missing else []),
         *([("scores", "All scores")] if parts["scores"] else []),
         *([("claims", "Claims of the paper")] if parts["verdicts"] else []),
         ("data", "Data and machines"),
@@ -255,28 +231,25 @@ def _read_part(name: str) -> str:
     return parts.joinpath(name).read_text(encoding="utf-8")
 
 
-def _count_totals(
-    frame: pd.DataFrame, registrations: pd.DataFrame, scenes: pd.DataFrame, trials: pd.DataFrame
-) -> dict[str, int]:
-    """Count what there is, by what it is called on the page."""
-    cases = frame.drop_duplicates("case")
-    frames = (frame, registrations, scenes, trials)
-    failed = sum(int((each["error"] != "").sum()) for each in frames if len(each))
+def _count_totals(data: ReportData) -> dict[str, int]:
+    """Return the counts at the top of the page, by their names there."""
+    frame, trials = data.frame, data.trials
     counts = {
         "pairs": len(frame.drop_duplicates(["dataset", "pair"])),
-        "cases": len(cases),
+        "cases": len(frame.drop_duplicates("case")),
         "groupings": len(frame.drop_duplicates(["case", "method"])),
         "records": len(frame),
-        "registrations": len(registrations),
-        "scenes": len(scenes),
+        "registrations": len(data.registrations),
+        "scenes": len(data.scenes),
         "problems": trials["case"].nunique() if len(trials) else 0,
         "trials": len(trials),
     }
+    failed = sum(int((each["error"] != "").sum()) for each in data.results)
     return {name: count for name, count in counts.items() if count} | {"failed records": failed}
 
 
 def _split_paragraphs(text: str) -> Iterator[tuple[str, list[str]]]:
-    """Paragraphs of a docstring, each with the items of a list that begin with a dash."""
+    """Yield the paragraphs of a docstring, each with the items of its list."""
     for block in text.strip().split("\n\n"):
         lines = " ".join(block.split("\n"))
         if lines.startswith("- "):

@@ -3,40 +3,26 @@
 from __future__ import annotations
 
 import base64
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
 from io import BytesIO
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from matplotlib.figure import Figure
 
 from cgroup.io import write_file
 from cgroup.io._results import make_folder
 from cgroup.plots.style import method_styles
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
-    from pathlib import Path
-
-    from matplotlib.figure import Figure
-
 RESOLUTION, CLOUD_RESOLUTION = 150, 100
-"""Dots per inch of PNG files; pictures of clouds are wide."""
+"""Dots per inch of PNG files; pictures of clouds are wider."""
 
 QUALITY = 80
-"""Of pictures in the page, of 100."""
+"""Quality of pictures in the page, of 100."""
 
 
-@dataclass(frozen=True)
-class Picture:
-    """A figure in the page.
-
-    Attributes
-    ----------
-    name : str
-        Of its files, without the ending.
-    alt : str
-        What it shows, for those who don't see it.
-    data : str
-        The picture as base64, in the format WebP.
-    """
+class Picture(NamedTuple):
+    """A figure in the page: the name of its files, a description, and the picture (WebP) as base64."""
 
     name: str
     alt: str
@@ -44,21 +30,10 @@ class Picture:
 
 
 class PictureBook:
-    """Saves figures in the folder, and keeps for the page those that it has no chart of.
+    """Saves figures in a folder, and makes pictures of those that have no chart in the page.
 
-    Parameters
-    ----------
-    folder : path
-        Made if it isn't there.
-    tell : callable
-        Called with what is being drawn.
-    methods : iterable of str
-        All that the report shows, in the order in which looks are given to those from outside.
-
-    Attributes
-    ----------
-    styles : dict of str to MethodStyle
-        How methods are drawn in all figures and charts.
+    `tell` is called with the name of each figure. `methods` are all methods of the report; `styles` has the
+    looks of each in all figures and charts.
     """
 
     def __init__(self, folder: Path, tell: Callable[[str], Any], methods: Iterable[str]) -> None:
@@ -68,15 +43,15 @@ class PictureBook:
         make_folder(folder)
 
     def save(self, name: str, figure: Figure, *, resolution: int = RESOLUTION) -> str:
-        """Save a figure as PNG and PDF; returns its name."""
+        """Save a figure as PNG and PDF; return its name."""
         self._tell(f"figure {name}")
         write_file(self._folder / f"{name}.png", _render_figure(figure, "png", resolution))
-        figure.set_layout_engine("none")  # it is laid out; doing so again takes as long as drawing
+        figure.set_layout_engine("none")  # a second layout would take as long as drawing
         write_file(self._folder / f"{name}.pdf", _render_figure(figure, "pdf", resolution))
         return name
 
     def keep(self, name: str, figure: Figure, alt: str) -> Picture:
-        """Save a figure, and keep it as a picture."""
+        """Save a figure, and return it as a picture."""
         self.save(name, figure, resolution=CLOUD_RESOLUTION)
         small = _render_figure(figure, "webp", CLOUD_RESOLUTION, pil_kwargs={"quality": QUALITY})
         return Picture(name, alt, base64.b64encode(small).decode())
@@ -84,7 +59,7 @@ class PictureBook:
 
 def _render_figure(figure: Figure, kind: str, resolution: int, **options: Any) -> bytes:  # noqa: ANN401 - matplotlib's
     buffer = BytesIO()
-    # A date would make the same figure another file each time.
+    # A date would make every file of the same figure different.
     metadata = {"metadata": {"CreationDate": None}} if kind == "pdf" else {}
     figure.savefig(buffer, format=kind, dpi=resolution, **metadata, **options)
     return buffer.getvalue()

@@ -1,18 +1,18 @@
-"""What the page shows of ways to register: a figure, and tables of answers, of trust, of errors and times."""
+"""Section of the report on pipelines that register two clouds."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
-from cgroup.benchmark.report.cells import MISSING, Cell, Table, number, words
+import numpy as np
+
+from cgroup.benchmark.report.cells import MISSING, Cell, Table, median, number, share, tabulate
 from cgroup.benchmark.report.charts import PageChart, estimate_with_intervals
+from cgroup.benchmark.report.pictures import PictureBook
 from cgroup.plots.experiments import pipelines_chart
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # slow to load
     import pandas as pd
-
-    from cgroup.benchmark.report.pictures import PictureBook
 
 STAGES = {
     "features": (
@@ -24,24 +24,17 @@ STAGES = {
     "verification": ("verification",),
     "refinement": ("refinement",),
 }
-"""Columns of times, with the last words of the stages that count to each."""
+"""Columns of times, and the last words of the stages in each."""
 
 _ELLIPSOID = 12.59
 """95th percentile of chi-squared with 6 degrees of freedom."""
 
+_BY = {"method": "pipeline"}
+_BY_SET = {"set": "set", "method": "pipeline"}
 
-@dataclass(frozen=True)
-class RegistrationSection:
-    """Pipelines compared.
 
-    Attributes
-    ----------
-    chart : PageChart
-        Shares of right poses.
-    answers, trust, calibration, details : Table
-        How many poses are right; which are trusted, and how long they take; how well probabilities fit;
-        errors and times by stage.
-    """
+class RegistrationSection(NamedTuple):
+    """Chart and tables that compare pipelines."""
 
     chart: PageChart
     answers: Table
@@ -51,7 +44,7 @@ class RegistrationSection:
 
 
 def make_registration_section(frame: pd.DataFrame, pictures: PictureBook) -> RegistrationSection | None:
-    """Make the section of `load_registrations`; None where there are no records of related pairs."""
+    """Make the section; None without results on related pairs."""
     if frame.empty or not (frame["kind"] == "related").any():
         return None
     good = frame[frame["error"] == ""]
@@ -59,10 +52,10 @@ def make_registration_section(frame: pd.DataFrame, pictures: PictureBook) -> Reg
     counts = related.drop_duplicates(["set", "dataset", "pair"]).groupby("set", sort=False).size()
     title = ", ".join(f"{name} ({count})" for name, count in counts.items())
     chart = pipelines_chart(good, estimate_with_intervals)
-    shares = related.groupby("pipeline")["right"].mean()
+    shares = related.groupby("method")["right"].mean()
     alt = (
-        f"Share of right poses of {len(shares)} pipelines by overlap, by the probability that they tell, and "
-        f"over the time they take; over all pairs {shares.idxmax()} has the most, {shares.max():.2f}."
+        f"Share of correct poses of {len(shares)} pipelines by overlap, by reported probability, and over "
+        f"time; over all pairs {shares.idxmax()} has the most, {shares.max():.2f}."
     )
     file = pictures.save("registration", chart.draw(f"Registered pairs: {title}"))
     return RegistrationSection(
@@ -75,128 +68,95 @@ def make_registration_section(frame: pd.DataFrame, pictures: PictureBook) -> Reg
 
 
 def answer_table(related: pd.DataFrame) -> Table:
-    """List how many poses are right, and how many accurate."""
-    columns = [
+    """Tabulate the numbers of correct and of accurate poses."""
+    names = [
         column
         for name in dict.fromkeys(related["set"])
         # The side with more overlap comes first.
         for column in sorted(related[related["set"] == name]["column"].unique(), reverse=True)
     ]
     sizes = related.drop_duplicates(["column", "dataset", "pair"]).groupby("column").size()
-    rows: list[tuple[Cell, ...]] = []
-    for name in dict.fromkeys(related["pipeline"]):
-        mine = related[related["pipeline"] == name]
-        rows.append((words(name), *(_count_right(mine[mine["column"] == column]) for column in columns)))
-    headers = ("pipeline", *(f"{column} ({sizes[column]})" for column in columns))
-    return Table("Right poses / accurate poses", headers, _mark_best(rows))
+
+    def count(rows: pd.DataFrame, name: str) -> Cell:
+        chosen = rows[rows["column"] == name]
+        if chosen.empty:
+            return Cell(MISSING, -1.0)
+        right = int(chosen["right"].sum())
+        return Cell(f"{right} / {int((chosen['right'] & chosen['accurate']).sum())}", float(right))
+
+    columns = {f"{name} ({sizes[name]})": lambda rows, name=name: count(rows, name) for name in names}
+    return tabulate("Correct poses / accurate poses", related, _BY, columns, best=True)
 
 
 def trust_table(frame: pd.DataFrame) -> Table:
-    """List how long pipelines take, and which of their poses they trust."""
-    sets = list(dict.fromkeys(frame["set"]))
-    rows: list[tuple[Cell, ...]] = []
-    for name in dict.fromkeys(frame["pipeline"]):
-        chosen = frame[frame["pipeline"] == name]
-        mine = chosen[chosen["kind"] == "related"]
-        rows.append(
-            (
-                words(name),
-                *(number(float(mine[mine["set"] == each]["seconds"].median()), "{:.2f}") for each in sets),
-                _share(~mine[mine["right"]]["ok"]),
-                _share(mine[~mine["right"]]["ok"]),
-                *(_share(chosen[chosen["kind"] == kind]["ok"]) for kind in ("mirrored", "mixed")),
-            )
-        )
-    headers = (
-        *("pipeline", *(f"s, {each}" for each in sets)),
-        *("right refused", "wrong accepted", "mirrored accepted", "unrelated accepted"),
-    )
-    return Table("Median seconds per pair, and what is trusted", headers, rows)
+    """Tabulate seconds, and the accepted poses."""
+
+    def related(rows: pd.DataFrame) -> pd.DataFrame:
+        return rows[rows["kind"] == "related"]
+
+    def seconds(rows: pd.DataFrame, name: str) -> Cell:
+        chosen = related(rows)
+        return number(float(chosen[chosen["set"] == name]["seconds"].median()), "{:.2f}")
+
+    columns = {
+        **{f"s, {name}": lambda rows, name=name: seconds(rows, name) for name in dict.fromkeys(frame["set"])},
+        "right refused": lambda rows: share(~related(rows[rows["right"]])["ok"]),
+        "wrong accepted": lambda rows: share(related(rows[~rows["right"]])["ok"]),
+        "mirrored accepted": lambda rows: share(rows[rows["kind"] == "mirrored"]["ok"]),
+        "unrelated accepted": lambda rows: share(rows[rows["kind"] == "mixed"]["ok"]),
+    }
+    return tabulate("Median seconds per pair, and accepted poses", frame, _BY, columns)
 
 
 def calibration_table(frame: pd.DataFrame) -> Table:
-    """List by set what is accepted, and how well the probabilities fit.
+    """Tabulate accepted poses and the calibration of the probabilities by set.
 
-    The calibration error is the distance between the mean probability and the share that is right, on average
-    over ten classes of probability, weighted by their pairs. Errors of the accepted right poses, squared and
-    normalized by their covariance (NEES), is 6 on average where that holds, and below 12.6 in 95 of 100.
+    The calibration error is the mean distance between probability and share of correct poses over ten classes
+    of probability, weighted by their pairs. NEES is the squared error of accepted correct poses normalized by
+    their covariance: 6 on average and below 12.6 for 95 of 100 if the covariance is right.
     """
-    rows: list[tuple[Cell, ...]] = []
-    told = frame[frame["probability"].notna()]
-    for (name, pipeline), chosen in told.groupby(["set", "pipeline"], sort=False):
-        right, chance = chosen["right"].astype(float), chosen["probability"]
-        classes = (right - chance).groupby((10 * chance).clip(0, 9).astype(int))
-        error = float(classes.sum().abs().sum()) / len(chosen)
-        nees = chosen[chosen["right"] & chosen["ok"]]["nees"].dropna()
-        rows.append(
-            (
-                words(name),
-                words(pipeline),
-                _share(chosen[chosen["right"]]["ok"]),
-                _share(chosen[~chosen["right"]]["ok"]),
-                number(float(((right - chance) ** 2).mean()), "{:.3f}"),
-                number(error, "{:.3f}"),
-                number(float(nees.mean()), "{:.1f}"),
-                _share(nees < _ELLIPSOID),
-            )
-        )
-    headers = (
-        *("set", "pipeline", "right accepted", "wrong accepted", "Brier score", "calibration error"),
-        *("NEES", "in the 95 % ellipsoid"),
-    )
-    return Table("How far probabilities can be trusted, unrelated and mirrored pairs included", headers, rows)
+
+    def calibration(rows: pd.DataFrame) -> Cell:
+        chance = rows["probability"]
+        classes = (rows["right"] - chance).groupby((10 * chance).clip(0, 9).astype(int))
+        return number(float(classes.sum().abs().sum()) / len(rows), "{:.3f}")
+
+    def nees(rows: pd.DataFrame) -> pd.Series:
+        return rows[rows["right"] & rows["ok"]]["nees"].dropna()
+
+    columns = {
+        "right accepted": lambda rows: share(rows[rows["right"]]["ok"]),
+        "wrong accepted": lambda rows: share(rows[~rows["right"]]["ok"]),
+        "Brier score": lambda rows: number(float(((rows["right"] - rows["probability"]) ** 2).mean())),
+        "calibration error": calibration,
+        "NEES": lambda rows: number(float(nees(rows).mean()), "{:.1f}"),
+        "in the 95 % ellipsoid": lambda rows: share(nees(rows) < _ELLIPSOID),
+    }
+    known = frame[frame["probability"].notna()].astype({"right": bool})
+    caption = "Calibration of the probabilities, unrelated and mirrored pairs included"
+    return tabulate(caption, known, _BY_SET, columns)
 
 
 def detail_table(related: pd.DataFrame) -> Table:
-    """List errors and times."""
-    rows: list[tuple[Cell, ...]] = []
-    for (name, pipeline), chosen in related.groupby(["set", "pipeline"], sort=False):
-        right = chosen[chosen["right"]]
-        rows.append(
-            (
-                words(name),
-                words(pipeline),
-                number(len(right), "{:.0f}"),
-                number(float(right["rotation_error"].median()), "{:.2f}"),
-                number(float((right["translation_error"] / right["voxel"]).median()), "{:.2f}"),
-                *(number(1e3 * _stage_median(chosen, stage), "{:.0f}") for stage in STAGES),
-                number(1e3 * float(chosen["seconds"].median()), "{:.0f}"),
-            )
-        )
-    headers = (
-        *("set", "pipeline", "right", "rotation (degrees)", "translation (voxels)"),
-        *(f"{stage} (ms)" for stage in STAGES),
-        "total (ms)",
-    )
-    caption = "Median errors of right poses, and median times of all"
-    return Table(caption, headers, rows)
+    """Tabulate errors and times."""
 
+    def stage_median(rows: pd.DataFrame, stage: str) -> Cell:
+        """Return the median of the summed seconds of the stages in a column."""
+        endings = STAGES[stage]
+        times = [
+            [seconds for name, seconds in of_pair.items() if name.endswith(endings)]
+            for of_pair in rows["stages"]
+        ]
+        return number(1e3 * float(np.median([sum(each) for each in times])) if any(times) else None, "{:.0f}")
 
-def _stage_median(rows: pd.DataFrame, stage: str) -> float:
-    """Median over pairs of the seconds of the stages that a column stands for; NaN if there are none."""
-    endings = STAGES[stage]
-    times = rows["stages"].map(lambda of_pair: [s for name, s in of_pair.items() if name.endswith(endings)])
-    return float(times.map(sum).median()) if times.map(len).any() else float("nan")
+    def right(rows: pd.DataFrame) -> pd.DataFrame:
+        return rows[rows["right"]].assign(shift=lambda chosen: chosen["translation_error"] / chosen["voxel"])
 
-
-def _count_right(rows: pd.DataFrame) -> Cell:
-    if rows.empty:
-        return Cell(MISSING, -1.0)
-    right = int(rows["right"].sum())
-    return Cell(f"{right} / {int((rows['right'] & rows['accurate']).sum())}", float(right))
-
-
-def _share(flags: pd.Series) -> Cell:
-    """Cell of how many of how many."""
-    if flags.empty:
-        return Cell(MISSING, -1.0)
-    return Cell(f"{int(flags.sum())} of {len(flags)}", float(flags.mean()))
-
-
-def _mark_best(rows: list[tuple[Cell, ...]]) -> list[tuple[Cell, ...]]:
-    """Mark the highest count of each column but the first."""
-    best = [max(cell.key for cell in column) for column in zip(*(row[1:] for row in rows), strict=True)]
-    return [
-        (row[0], *(cell._replace(best=cell.key == most) for cell, most in zip(row[1:], best, strict=True)))
-        for row in rows
-    ]
+    columns = {
+        "right": lambda rows: number(len(right(rows)), "{:.0f}"),
+        "rotation (degrees)": lambda rows: median("rotation_error", "{:.2f}")(right(rows)),
+        "translation (voxels)": lambda rows: median("shift", "{:.2f}")(right(rows)),
+        **{f"{stage} (ms)": lambda rows, stage=stage: stage_median(rows, stage) for stage in STAGES},
+        "total (ms)": median("seconds", "{:.0f}", 1e3),
+    }
+    return tabulate("Median errors of correct poses, and median times of all", related, _BY_SET, columns)

@@ -1,18 +1,25 @@
-"""What the page shows of each experiment: a chart with a text for those who don't see it, and a ranking."""
+"""Sections of the report on experiments: charts with texts for readers who can't see them, and rankings."""
 
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from cgroup.benchmark.paper import PAPER_COMPLEXITY
-from cgroup.benchmark.paper.evidence import mean_times
+import numpy as np
+from matplotlib.figure import Figure
+
+from cgroup.benchmark import tables
+from cgroup.benchmark.paper import PAPER_COMPLEXITY, PAPER_EPSILON, Experiment
+from cgroup.benchmark.paper.evidence import Evidence, Sample, mean_times
+from cgroup.benchmark.report.cells import Table
 from cgroup.benchmark.report.charts import PageChart, estimate_with_intervals
-from cgroup.benchmark.report.examples import choose_examples, draw_example
+from cgroup.benchmark.report.pictures import Picture, PictureBook
 from cgroup.benchmark.report.tables import ranking_table, timing_table
-from cgroup.benchmark.tables import exponents
-from cgroup.errors import CgroupError
+from cgroup.datasets import CorrespondencePair, open_dataset
+from cgroup.errors import CgroupError, InputError
+from cgroup.evaluation import correct_matches
+from cgroup.plots import comparison_figure
 from cgroup.plots.charts import Chart, sort_methods
 from cgroup.plots.experiments import (
     draw_times,
@@ -24,33 +31,15 @@ from cgroup.plots.experiments import (
 )
 from cgroup.plots.style import method_style
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
+if TYPE_CHECKING:  # slow to load
     import pandas as pd
 
-    from cgroup.benchmark.paper import Experiment
-    from cgroup.benchmark.paper.evidence import Evidence, Sample
-    from cgroup.benchmark.report.cells import Table
-    from cgroup.benchmark.report.pictures import Picture, PictureBook
-
-
 _COMPARED = ("gc", "ransac")
+_TYPICAL = {"B3R": "noise", "U3OR": "clutter", "U3M": "overlap"}
 
 
-@dataclass(frozen=True)
-class Section:
-    """Experiment on one data set of the paper, or an experiment of one's own.
-
-    Attributes
-    ----------
-    anchor, title : str
-        Link target and heading.
-    ranking : Table
-        Of the methods.
-    chart : PageChart or None
-        What becomes of the methods over the levels; None where nothing is varied.
-    """
+class Section(NamedTuple):
+    """An experiment on one data set; `chart` is None where nothing is varied."""
 
     anchor: str
     title: str
@@ -58,16 +47,25 @@ class Section:
     chart: PageChart | None
 
 
-@dataclass(frozen=True)
-class Selections:
-    """Pictures of what methods selected, and why others aren't drawn."""
+class Example(NamedTuple):
+    """A case to be drawn: the one with the median F on a data set of the paper."""
+
+    place: str
+    dataset: str
+    pair: str
+    case: str
+    origin: str
+
+
+class Selections(NamedTuple):
+    """Pictures of the groups of each method on a few pairs, and why others aren't drawn."""
 
     drawn: list[Picture]
     missing: list[str]
 
 
 def make_sections(experiment: Experiment, evidence: Evidence, pictures: PictureBook) -> list[Section]:
-    """Make a section for each data set of the paper with records of an experiment."""
+    """Make a section for each data set of the paper with results of an experiment."""
     samples = (
         (place, evidence.sample(experiment.id, place, every_method=True)) for place in experiment.places
     )
@@ -79,14 +77,14 @@ def make_sections(experiment: Experiment, evidence: Evidence, pictures: PictureB
 
 
 def make_own_section(sample: Sample, pictures: PictureBook) -> Section:
-    """Section of an experiment that isn't the paper's."""
+    """Make the section of an experiment that is not the paper's."""
     anchor = "".join(c if c.isalnum() else "-" for c in f"{sample.experiment.id}-{sample.dataset}").lower()
     title = f"{sample.experiment.id}: {sample.description}{_describe_front(sample)}"
     return _make_section(sample, anchor, title, pictures)
 
 
 def _describe_front(sample: Sample) -> str:
-    """Say what an experiment changes of the front end; "" where that is nothing."""
+    """Return the changes of an experiment to the front end in words; "" if there are none."""
     changes: dict[str, object] = {}
     for text in set(sample.rows["front"]) - {""}:
         changes |= json.loads(text)
@@ -116,7 +114,7 @@ def _chart_experiment(sample: Sample, anchor: str, pictures: PictureBook) -> Pag
 
 
 def _name_combinations(sample: Sample) -> pd.DataFrame:
-    """Tell combinations by detector and descriptor."""
+    """Name combinations by detector and descriptor."""
     rows = sample.rows
     if sample.experiment.column != "combination":
         return rows
@@ -126,7 +124,7 @@ def _name_combinations(sample: Sample) -> pd.DataFrame:
 
 
 def _describe(sample: Sample) -> str:
-    """Say in words what a chart shows."""
+    """Describe a chart in words."""
     table, rates, ratios = (
         sample.by_level("f_score"),
         sample.overall("registered"),
@@ -136,22 +134,22 @@ def _describe(sample: Sample) -> str:
     return (
         f"{len(table.columns)} methods over {len(table)} levels, {sample.experiment.label}. On average "
         f"{method_style(best).label} has the best F, {table.mean().max():.2f}. By the paper's criterion "
-        f"{_who_registers_most(rates)}. The share of correct initial matches goes from {ratios.min():.3f} to "
+        f"{_describe_rates(rates)}. The share of correct initial matches goes from {ratios.min():.3f} to "
         f"{ratios.max():.3f}."
     )
 
 
-def _who_registers_most(rates: pd.Series) -> str:
-    """Say which methods register the most pairs, unless they all do alike."""
+def _describe_rates(rates: pd.Series) -> str:
+    """Name the methods that register the most pairs."""
     most = [method_style(method).label for method in rates.index[rates == rates.max()]]
     share = f"a share of {rates.max():.2f}"
     if len(most) == len(rates) > 1:
-        return f"all methods register as many pairs, {share}"
+        return f"all methods register the same number of pairs, {share}"
     return f"{', '.join(most)} {'register' if len(most) > 1 else 'registers'} the most pairs, {share}"
 
 
 def chart_pairs(evidence: Evidence, pictures: PictureBook) -> PageChart | None:
-    """Chart the precision of GC and RANSAC pair by pair, where there is such a run."""
+    """Chart the precision of GC and RANSAC pair by pair; None without such results."""
     sample = evidence.sample("clutter", "U3OR", every_method=True)
     if sample is None or not set(_COMPARED) <= set(sample.rows["method"]):
         return None
@@ -166,11 +164,11 @@ def chart_pairs(evidence: Evidence, pictures: PictureBook) -> PageChart | None:
 
 
 def chart_times(timing: pd.DataFrame, pictures: PictureBook) -> tuple[PageChart, Table] | None:
-    """Chart and list the times; None where none were taken."""
+    """Chart and tabulate the times; None without times."""
     times = mean_times(timing)
     if times.empty:
         return None
-    fitted = exponents(timing).set_index("method")["exponent"].to_dict()
+    fitted = tables.exponents(timing).set_index("method")["exponent"].to_dict()
     sources = ", ".join(timing["dataset"].unique())
     told: dict[str, Any] = {"exponents": fitted, "complexities": PAPER_COMPLEXITY, "styles": pictures.styles}
     file = pictures.save("time", draw_times(times, **told, title=f"Time per grouping, {sources}"))
@@ -184,17 +182,47 @@ def chart_times(timing: pd.DataFrame, pictures: PictureBook) -> tuple[PageChart,
 
 
 def draw_selections(out: Path, evidence: Evidence, root: Path | None, pictures: PictureBook) -> Selections:
-    """Draw what is selected on a few pairs."""
+    """Draw the groups of each method on a pair per data set of the paper."""
     methods = sort_methods(evidence.frame["method"].unique())
     drawn: list[Picture] = []
     missing: list[str] = []
-    for example in choose_examples(evidence):
-        alt = f"What each method selected on {example.dataset}, {example.pair}: lines between matched points."
+    samples = (
+        evidence.sample(experiment, place, every_method=True) for place, experiment in _TYPICAL.items()
+    )
+    for example in (_choose_median(sample) for sample in samples if sample is not None):
+        alt = f"Groups of each method on {example.dataset}, {example.pair}: lines between matched points."
         try:
             figure = draw_example(out, example, methods, root)
         except CgroupError as error:
             missing.append(f"{example.dataset}, {example.pair}: {error}")
             continue
-        name = f"selection-{example.place.lower()}"
-        drawn.append(pictures.keep(name, figure, alt))
+        drawn.append(pictures.keep(f"selection-{example.place.lower()}", figure, alt))
     return Selections(drawn, missing)
+
+
+def _choose_median(sample: Sample) -> Example:
+    scores = sample.rows.groupby("case")["f_score"].mean().sort_values(kind="stable")
+    case = scores.index[len(scores) // 2]
+    row = sample.rows[sample.rows["case"] == case].iloc[0]
+    return Example(sample.place, sample.dataset, row["pair"], case, row["origin"])
+
+
+def draw_example(out: Path, example: Example, methods: list[str], root: Path | None = None) -> Figure:
+    """Draw the group of each method in a case."""
+    pair = open_dataset(example.dataset, root).load(example.pair)
+    if isinstance(pair, CorrespondencePair):
+        message = f"{example.dataset}: it has no clouds to draw"
+        raise InputError(message)
+    matches, pose, masks = tables.load_groups(out, example.case)
+    tolerance = PAPER_EPSILON * (matches.resolution or np.nan)
+    correct = correct_matches(matches.source, matches.target, pose, tolerance=tolerance)
+    share = f"{int(correct.sum())} of {len(matches)} matches correct"
+    return comparison_figure(
+        pair.source.points,
+        pair.target.points,
+        matches,
+        correct=correct,
+        masks={method: masks[method] for method in methods if method in masks},
+        T_target_source=pose,
+        title=f"{example.dataset} ({example.origin}), {example.pair}: {share}",
+    )

@@ -1,36 +1,24 @@
-"""What the page shows at its top: methods ranked over all pairs, and who is better than whom."""
+"""Section of the report that ranks methods over all pairs, and compares them with each other."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from cgroup.benchmark.paper import PAPER_EPSILON
 from cgroup.benchmark.report.cells import MISSING, Cell, Table, method_cell
-from cgroup.benchmark.report.trial_tables import with_fewest_threads
+from cgroup.benchmark.report.trials import with_fewest_threads
 from cgroup.benchmark.stats import GENERATED, LEAST_OBJECTS, LEVEL, Overall, Standing, rank_overall
 from cgroup.evaluation.bins import LEAST_PAIRS
 from cgroup.plots.style import method_style
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # slow to load
     import pandas as pd
 
 _NAMES = {"f_score": "mean F", "registered": "registered", "right": "registered"}
 
 
-@dataclass(frozen=True)
-class StandingsSection:
-    """A ranking over all pairs of a kind.
-
-    Attributes
-    ----------
-    title, label : str
-        What it is about, and how it was computed.
-    ranking : Table
-        One row per method.
-    differences : Table
-        One row and one column per method.
-    """
+class StandingsSection(NamedTuple):
+    """Ranking over all pairs of a kind, one row per method, and the differences of every two methods."""
 
     title: str
     label: str
@@ -41,7 +29,7 @@ class StandingsSection:
 def make_standings(
     frame: pd.DataFrame, trials: pd.DataFrame, registrations: pd.DataFrame
 ) -> list[StandingsSection]:
-    """Rank what there is: methods on cases, methods on matches, and pipelines."""
+    """Rank methods on experiments, methods on matches, and pipelines."""
     kinds = {
         "methods": rank_overall(*_pick_cases(frame)),
         "methods on matches": rank_overall(*_pick_trials(trials)),
@@ -54,7 +42,7 @@ def make_standings(
 
 
 def _pick_cases(frame: pd.DataFrame) -> tuple[pd.DataFrame, tuple[str, ...]]:
-    """Pick records at the paper's threshold; cases that failed for every method are no one's failure."""
+    """Return rows at the paper's threshold, without cases that failed for every method."""
     measures = ("f_score", "registered")
     if frame.empty:
         return frame, measures
@@ -75,7 +63,7 @@ def _pick_registrations(registrations: pd.DataFrame) -> tuple[pd.DataFrame, tupl
         return registrations, ("right",)
     rows = registrations[registrations["kind"] == "related"]
     case = rows["set"] + "/" + rows["dataset"] + "/" + rows["pair"]
-    return rows.assign(case=case, method=rows["pipeline"]), ("right",)
+    return rows.assign(case=case), ("right",)
 
 
 def _make_section(what: str, overall: Overall, *, named: bool) -> StandingsSection:
@@ -87,31 +75,31 @@ def _make_section(what: str, overall: Overall, *, named: bool) -> StandingsSecti
 
 
 def _describe(overall: Overall) -> str:
-    """Say what the means are of, and what is drawn and tested."""
+    """Return the number of pairs, and the kinds of intervals and tests, in sentences."""
     count = sum(overall.pairs.values())
     data = ", ".join(f"{name} {pairs}" for name, pairs in overall.pairs.items())
     parts = [f"Means over {count} pairs ({data}), each with the mean of its cases, {overall.cases:,} in all."]
     if overall.further_cases:
-        parts.append(f"{overall.further_cases:,} further cases, which not all were run on, are left out.")
+        parts.append(f"{overall.further_cases:,} further cases were not run by all and are left out.")
     if overall.kind == GENERATED:
-        parts.append("Generated shapes say little of real ones.")
+        parts.append("Results on generated shapes are a weak guide to real ones.")
     if _has_intervals(overall):
         parts += [
             f"Bars are {100 * LEVEL:.0f} % intervals of the mean (bootstrap over pairs, by data set).",
-            "Bold: can't be told from the first of the column at a level of 5 %; p is that of the difference",
-            "from that first one, by paired tests on the same pairs (Wilcoxon's signed ranks;",
-            "McNemar's where a pair is registered or not), adjusted by Holm.",
+            "Bold: not significantly different from the first of the column at 5 %. p is of the difference",
+            "from the first, by paired tests on the same pairs (Wilcoxon's signed ranks; McNemar's where a",
+            "pair is registered or not), adjusted by Holm.",
         ]
     else:
-        parts.append(f"No intervals and no tests: they need at least {LEAST_PAIRS} pairs.")
+        parts.append(f"No intervals and tests, which need at least {LEAST_PAIRS} pairs.")
     if overall.by_object:
         parts.append(
-            f"Pairs of one object or room are drawn and tested together in {', '.join(overall.by_object)}:"
-            f" {LEAST_OBJECTS} or more of them are known there."
+            f"Pairs of one object or room are drawn and tested together in {', '.join(overall.by_object)},"
+            f" which have {LEAST_OBJECTS} or more."
         )
     if overall.unranked:
         names = ", ".join(f"{method_style(name).label} ({n})" for name, n in overall.unranked.items())
-        parts.append(f"Not ranked, as run on fewer than half of the cases: {names}.")
+        parts.append(f"Not ranked, because run on fewer than half of the cases: {names}.")
     return " ".join(parts)
 
 
@@ -131,7 +119,7 @@ def _rank(overall: Overall, noun: str) -> Table:
 
 
 def _show(standings: dict[str, Standing], method: str, *, certain: bool) -> tuple[Cell, ...]:
-    """Cells of a mean, and of the p of its difference from the highest."""
+    """Return the cells of a mean, and of the p of its difference from the highest."""
     (mean, low, high), p, tied = standings[method]
     if not certain:
         return (Cell(f"{mean:.3f}", mean),)

@@ -1,28 +1,35 @@
-"""The report's tables."""
+"""Tables of the report on experiments, times, data sets and failures."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Literal
 
 from cgroup.benchmark.paper import PAPER_COMPLEXITY
 from cgroup.benchmark.paper.checks import TIE
-from cgroup.benchmark.report.cells import MISSING, Cell, Table, method_cell, number, words
+from cgroup.benchmark.paper.evidence import Sample
+from cgroup.benchmark.report.cells import (
+    MISSING,
+    Cell,
+    Table,
+    method_cell,
+    milliseconds,
+    number,
+    tabulate,
+    words,
+)
 from cgroup.benchmark.tables import aggregate
 from cgroup.evaluation.protocols import PROTOCOL_PREFIX
 from cgroup.plots.experiments import protocol_title
 from cgroup.plots.style import method_style
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-
+if TYPE_CHECKING:  # slow to load
     import pandas as pd
-
-    from cgroup.benchmark.paper.evidence import Sample
 
 
 def ranking_table(sample: Sample) -> Table:
-    """Rank the methods in one experiment, by F."""
+    """Rank the methods of an experiment by F."""
     columns = {"f_score": "F", "precision": "P", "recall": "R", "registered": "registered"}
     scores = {column: sample.overall(column) for column in columns}
     order = scores["f_score"].sort_values(ascending=False, kind="stable").index
@@ -38,7 +45,7 @@ def ranking_table(sample: Sample) -> Table:
 
 
 def score_table(samples: Iterable[Sample], how: Literal["macro", "pooled", "median"]) -> Table:
-    """List the scores of every method in every experiment."""
+    """Tabulate the scores of every method in every experiment."""
     tables = [(sample, aggregate(sample.rows, by=["method"], how=how)) for sample in samples]
     columns = {name for _, table in tables for name in table.columns}
     protocols = sorted(name for name in columns if name.startswith(PROTOCOL_PREFIX))
@@ -58,20 +65,20 @@ def score_table(samples: Iterable[Sample], how: Literal["macro", "pooled", "medi
     headers = ("experiment", "data set", "method", "records", "P", "R", "F", "registered", *titles)
     captions = {
         "macro": "Means over pairs, each with the same weight",
-        "pooled": "All matches of all pairs taken as one set",
+        "pooled": "All matches of all pairs as one set",
         "median": "Medians over pairs (shares of registered pairs stay means)",
     }
     return Table(captions[how], headers, rows)
 
 
 def timing_table(times: pd.DataFrame, fitted: Mapping[str, float]) -> Table:
-    """List mean times, and fitted exponents beside the paper's complexities."""
+    """Tabulate mean times, and fitted exponents beside the paper's complexities."""
     rows = [
         (
             method_cell(method),
             words(PAPER_COMPLEXITY.get(method, MISSING)),
             number(fitted.get(method, math.nan), "{:.2f}"),
-            *(_format_milliseconds(times.loc[n, method]) for n in times.index),
+            *(milliseconds(times.loc[n, method]) for n in times.index),
         )
         for method in times.columns
     ]
@@ -81,64 +88,47 @@ def timing_table(times: pd.DataFrame, fitted: Mapping[str, float]) -> Table:
 
 
 def dataset_table(frame: pd.DataFrame, known: pd.DataFrame) -> Table:
-    """List the data sets that the records come from."""
+    """Tabulate the data sets of the experiments."""
     about = known.set_index("name").to_dict("index")
-    rows: list[tuple[Cell, ...]] = []
-    for name, of_set in frame.groupby("dataset", sort=False):
-        facts = about.get(name, {})
-        cases = of_set.drop_duplicates("case")
-        origins = of_set.drop_duplicates("pair").groupby("origin").size()
-        rows.append(
-            (
-                words(name),
-                words(facts.get("title", MISSING)),
-                words(facts.get("role", MISSING)),
-                words(", ".join(f"{origin} ({count})" for origin, count in origins.items())),
-                number(of_set["pair"].nunique(), "{:.0f}"),
-                number(len(cases), "{:.0f}"),
-                number(cases["n"].mean(), "{:.0f}"),
-                words(facts.get("citation", MISSING)),
-            )
-        )
-    headers = ("name", "data set", "role", "origin (pairs)", "pairs", "cases", "mean matches", "citation")
-    return Table("Data sets", headers, rows)
+
+    def fact(rows: pd.DataFrame, name: str) -> Cell:
+        return words(about.get(rows["dataset"].iloc[0], {}).get(name, MISSING))
+
+    def origins(rows: pd.DataFrame) -> Cell:
+        counts = rows.drop_duplicates("pair").groupby("origin").size()
+        return words(", ".join(f"{origin} ({count})" for origin, count in counts.items()))
+
+    columns = {
+        "data set": lambda rows: fact(rows, "title"),
+        "role": lambda rows: fact(rows, "role"),
+        "origin (pairs)": origins,
+        "pairs": lambda rows: number(rows["pair"].nunique(), "{:.0f}"),
+        "cases": lambda rows: number(rows["case"].nunique(), "{:.0f}"),
+        "mean matches": lambda rows: number(rows.drop_duplicates("case")["n"].mean(), "{:.0f}"),
+        "citation": lambda rows: fact(rows, "citation"),
+    }
+    return tabulate("Data sets", frame, {"dataset": "name"}, columns)
 
 
-def failure_table(
-    frame: pd.DataFrame, registrations: pd.DataFrame, scenes: pd.DataFrame, trials: pd.DataFrame
-) -> Table:
-    """List what failed, with the error."""
-    rows = _list_failures(frame, "method", "case") if len(frame) else []
-    rows += _list_failures(registrations, "pipeline", "pair") if len(registrations) else []
-    rows += _list_failures(scenes, "solver", "pair") if len(scenes) else []
-    rows += _list_failures(trials, "method", "case") if len(trials) else []
-    headers = ("data set", "error", "methods or solvers", "cases", "for example")
-    return Table("Failures", headers, rows)
+def failure_table(frames: Iterable[pd.DataFrame]) -> Table:
+    """Tabulate errors."""
+    columns = {
+        "methods or solvers": lambda rows: words(
+            ", ".join(method_style(name).label for name in rows["method"].unique())
+        ),
+        "cases": lambda rows: number(rows["case"].nunique(), "{:.0f}"),
+        "for example": lambda rows: words(rows["pair"].iloc[0]),
+    }
+    by = {"dataset": "data set", "error": "error"}
+    failed = [each[each["error"] != ""] for each in frames if len(each)]
+    found = [tabulate("Failures", each, by, columns) for each in failed]
+    return Table("Failures", (*by.values(), *columns), [row for each in found for row in each.rows])
 
 
-def _list_failures(frame: pd.DataFrame, method: str, case: str) -> list[tuple[Cell, ...]]:
-    failed = frame[frame["error"] != ""]
-    return [
-        (
-            words(dataset),
-            words(error),
-            words(", ".join(method_style(name).label for name in of_it[method].unique())),
-            number(of_it[case].nunique(), "{:.0f}"),
-            words(of_it["pair"].iloc[0]),
-        )
-        for (dataset, error), of_it in failed.groupby(["dataset", "error"], sort=False)
-    ]
-
-
-def plain_table(caption: str, frame: pd.DataFrame, headers: Sequence[str] = ()) -> Table:
-    """List a frame as it is."""
+def plain_table(caption: str, frame: pd.DataFrame) -> Table:
+    """Tabulate a frame as it is."""
     rows = [tuple(words(value) for value in row) for row in frame.itertuples(index=False)]
-    return Table(caption, tuple(headers) or tuple(map(str, frame.columns)), rows)
-
-
-def _format_milliseconds(seconds: float) -> Cell:
-    value = 1e3 * seconds
-    return number(value, "{:,.0f}" if value >= 100 else "{:.3g}")
+    return Table(caption, tuple(map(str, frame.columns)), rows)
 
 
 def _mark_best(scores: pd.Series, method: str) -> Cell:

@@ -1,61 +1,74 @@
-"""What the page shows of grouping methods on matches of any kind: per set a ranking, costs, and failures."""
+"""Section of the report on grouping methods run alone on matches: rankings, levels, costs, and failures."""
 
 from __future__ import annotations
 
+import itertools
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from cgroup.benchmark.problem import COMBINATIONS
-from cgroup.benchmark.report.cells import Table, method_cell
-from cgroup.benchmark.report.charts import PageChart, estimate_with_intervals
-from cgroup.benchmark.report.trial_tables import (
-    cost_table,
-    failure_table,
-    level_table,
-    ranking,
-    with_fewest_threads,
+from cgroup.benchmark.report.cells import (
+    MISSING,
+    Cell,
+    Table,
+    mean,
+    method_cell,
+    milliseconds,
+    number,
+    tabulate,
+    words,
 )
-from cgroup.benchmark.stats import comparable
+from cgroup.benchmark.report.charts import PageChart, estimate_with_intervals
+from cgroup.benchmark.report.pictures import PictureBook
+from cgroup.benchmark.stats import LEVEL, Interval, comparable, rank_methods
 from cgroup.plots.experiments import protocol_title, trials_chart
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
+if TYPE_CHECKING:  # slow to load
     import pandas as pd
 
-    from cgroup.benchmark.report.pictures import PictureBook
+_BY = {"method": "method"}
+
+_VARIED = {
+    "scene": "wrong matches",
+    "frames": "frames",
+    "noise": "noise (pr)",
+    "inliers": "share of correct ones",
+    "size": "matches",
+}
+"""Columns that a grid may vary, with their names; the first that does is spread over columns."""
+
+_OVERLAPS = (0.0, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0)
+"""Limits of the classes of overlap."""
 
 
 @dataclass(frozen=True)
 class TrialSection:
     """Methods compared on one set of problems.
 
-    Attributes
-    ----------
-    title, label : str
-        Name of the set, and all that its numbers depend on.
-    chart : PageChart or None
-        Registered problems beside time; None without problems that have an answer.
-    ranking, costs, failures : Table
-        How good the methods are; what they cost; why problems aren't registered, and what is claimed of
-        clouds that share nothing.
-    levels : Table or None
-        F by what a grid varies, or registered pairs by overlap.
+    `label` names all that the numbers depend on. `chart` is None without problems that have an answer.
+    `levels` is None where no level is known.
     """
 
     title: str
     label: str
     chart: PageChart | None
     ranking: Table
+    levels: Table | None
     costs: Table
     failures: Table
-    levels: Table | None
+
+    @property
+    def tables(self) -> list[Table]:
+        """All tables, in order."""
+        return [each for each in (self.ranking, self.levels, self.costs, self.failures) if each is not None]
 
 
 def make_trial_sections(
     frame: pd.DataFrame, machines: pd.DataFrame, pictures: PictureBook | None
 ) -> list[TrialSection]:
-    """Make a section of each set in `load_trials`; without pictures if there is no book for them."""
+    """Make a section per set; without charts if there are no `pictures`."""
     if frame.empty:
         return []
     return [
@@ -68,7 +81,6 @@ def _make_section(
 ) -> TrialSection:
     first = with_fewest_threads(rows)
     related = comparable(first)
-    label = describe_set(rows, machines)
     chart = None
     if pictures is not None and len(related):
         drawn = trials_chart(related, pictures.styles, estimate_with_intervals)
@@ -81,18 +93,174 @@ def _make_section(
         figure = drawn.draw(f"{name}: registered problems over time", columns=2)
         file = pictures.save(f"trials-{anchor}", figure)
         chart = PageChart(file, alt, drawn, (file,))
-    return TrialSection(
-        name, label, chart, ranking(first), cost_table(rows), failure_table(first), level_table(related)
-    )
+    tables = ranking(first), level_table(related), cost_table(rows), failure_table(first)
+    return TrialSection(name, describe_set(rows, machines), chart, *tables)
+
+
+def with_fewest_threads(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows of the fewest threads; 0 stands for all cores."""
+    counts = rows["threads"].unique()
+    return rows[rows["threads"] == min(counts, key=lambda count: count or math.inf)]
+
+
+def overview_table(frame: pd.DataFrame) -> Table:
+    """Tabulate the share of registered problems and mean F of every method on every set."""
+    ranks = {
+        str(name): {rank.method: rank for rank in rank_methods(with_fewest_threads(rows))}
+        for name, rows in frame.groupby("set", sort=False)
+    }
+
+    def show(rows: pd.DataFrame, name: str) -> Cell:
+        rank = ranks[name].get(rows["method"].iloc[0])
+        if rank is None:
+            return Cell(MISSING, -math.inf)
+        text = f"{rank.registered.mean:.2f} / {rank.f_score.mean:.2f}"
+        return Cell(text, rank.registered.mean, rank.registered_tied)
+
+    columns = {name: lambda rows, name=name: show(rows, name) for name, of_set in ranks.items() if of_set}
+    return tabulate("Share of registered problems / mean F", frame, _BY, columns, name=method_cell)
+
+
+def ranking(rows: pd.DataFrame) -> Table:
+    """Rank the methods of a set, with intervals and ties with the first."""
+    means = comparable(rows).groupby("method")[["precision", "recall", "accurate", "registered"]].mean()
+    lines = [
+        (
+            Cell(str(place), float(place)),
+            method_cell(rank.method),
+            _show(rank.f_score, best=rank.f_tied),
+            *(number(means.loc[rank.method, name]) for name in ("precision", "recall")),
+            _show(rank.registered, best=rank.registered_tied),
+            *(number(means.loc[rank.method, name]) for name in ("accurate", "registered")),
+            words(", ".join(_list_ties(rank.f_tied, rank.registered_tied)) or MISSING),
+        )
+        for place, rank in enumerate(rank_methods(rows), start=1)
+    ]
+    headers = ("rank", "method", "F", "P", "R", "registered", "accurate", "P > 0.1", "tied with the first in")
+    caption = f"Ranking by F, with {LEVEL:.0%} intervals (bootstrap over problems; ties: paired tests, Holm)"
+    return Table(caption, headers, lines)
+
+
+def _list_ties(f_tied: bool, registered_tied: bool) -> list[str]:  # noqa: FBT001 - two of a kind
+    return [name for name, tied in (("F", f_tied), ("registered", registered_tied)) if tied]
+
+
+def _show(interval: Interval, *, best: bool) -> Cell:
+    middle, low, high = interval
+    return Cell(f"{middle:.3f} [{low:.2f}, {high:.2f}]", middle, best)
+
+
+def cost_table(rows: pd.DataFrame) -> Table:
+    """Tabulate time, memory, and calls that did not end."""
+
+    def seconds(mine: pd.DataFrame, threads: int) -> Cell:
+        return milliseconds(mine.loc[mine["threads"] == threads, "seconds"].median())
+
+    def count(flags: pd.Series) -> Cell:
+        return number(flags.sum(), "{:.0f}")
+
+    def reasons(first: pd.DataFrame) -> Cell:
+        return words("; ".join(sorted({why for why in first["skipped"] if why.startswith("needs")})))
+
+    columns: dict[str, Any] = {
+        f"median ms, {_name_threads(threads)}": lambda mine, threads=threads: seconds(mine, threads)
+        for threads in sorted(rows["threads"].unique(), key=lambda count: count or math.inf)
+    }
+    of_fewest = {
+        "longest ms": lambda first: milliseconds(first["seconds"].max()),
+        "median MiB": lambda first: number(first["mebibytes"].median(), "{:.1f}"),
+        "most MiB": lambda first: number(first["mebibytes"].max(), "{:.0f}"),
+        "cut short": lambda first: count(~first["complete"]),
+        "given up": lambda first: count(first["skipped"].str.contains("longer")),
+        "failed": lambda first: count(first["error"] != ""),
+        "not run": reasons,
+    }
+    for header, make in of_fewest.items():
+        columns[header] = lambda mine, make=make: make(with_fewest_threads(mine))
+    caption = "Time and peak memory per call, and calls that did not end"
+    return tabulate(caption, rows, _BY, columns, name=method_cell)
+
+
+def _name_threads(count: int) -> str:
+    return "all cores" if count == 0 else "1 thread" if count == 1 else f"{count} threads"
+
+
+def failure_table(rows: pd.DataFrame) -> Table:
+    """Tabulate reasons of failures, errors of the registered problems, and accepted unrelated ones."""
+    unrelated = rows[rows["kind"] != "related"]
+
+    def of_right(column: str, text: str) -> Any:  # noqa: ANN401 - makes a cell
+        return lambda mine: mean(column, text)(mine[mine["right"]])
+
+    def of_unrelated(mine: pd.DataFrame) -> pd.DataFrame:
+        return unrelated[unrelated["method"] == mine["method"].iloc[0]]
+
+    def judged(mine: pd.DataFrame, flags: pd.Series) -> Cell:
+        """Return the share for methods that judge their answers."""
+        return number(flags.mean() if mine["ok"].notna().any() else math.nan)
+
+    columns = {
+        "registered": mean("right"),
+        "right pose offered, not chosen": lambda mine: number((~mine["right"] & mine["best_right"]).mean()),
+        "no right pose offered": lambda mine: number((~mine["right"] & ~mine["best_right"]).mean()),
+        "poses offered": mean("offered", "{:.1f}"),
+        "rotation (degrees)": of_right("rotation_error", "{:.2f}"),
+        "translation (unit)": of_right("translation_error", "{:.3g}"),
+        "displacement (pr)": of_right("rmse_pr", "{:.2f}"),
+        # `ok` is None for methods that don't judge their answers.
+        "right refused": lambda mine: judged(mine, mine[mine["right"]]["ok"] == False),  # noqa: E712
+        "unrelated accepted": lambda mine: judged(mine, of_unrelated(mine)["ok"] == True),  # noqa: E712
+        "unrelated answered": lambda mine: number(of_unrelated(mine)["posed"].mean()),
+    }
+    caption = "Reasons of failures, errors (means over the registered), and answers on unrelated clouds"
+    return tabulate(caption, comparable(rows), _BY, columns, name=method_cell)
+
+
+def level_table(related: pd.DataFrame) -> Table | None:
+    """Tabulate mean F by what a grid varies, or registered pairs by overlap; None where neither is known."""
+    if related["scene"].notna().all() and len(related):
+        varied = [name for name in _VARIED if len(set(related[name])) > 1]
+        return _spread(related, varied[0], varied[1:]) if varied else None
+    if related["overlap"].notna().any():
+        return _by_overlap(related)
+    return None
+
+
+def _spread(related: pd.DataFrame, column: str, others: list[str]) -> Table:
+    """Spread mean F over the values of one column."""
+    values = dict.fromkeys(related[column])
+    levels = list(values) if column in {"scene", "frames"} else sorted(values)
+    lines: list[tuple[Cell, ...]] = []
+    able = related[~related["skipped"].str.startswith("needs ")]
+    for key, mine in able.groupby(["method", *others], sort=False):
+        method, *where = key
+        means = mine.groupby(column)["f_score"].mean()
+        shares = (number(means.get(level, math.nan), "{:.2f}") for level in levels)
+        keys = (Cell(_name_level(each), each if isinstance(each, str) else float(each)) for each in where)
+        lines.append((method_cell(method), *keys, *shares))
+    headers = ("method", *(_VARIED[name] for name in others), *map(_name_level, levels))
+    return Table(f"Mean F by {_VARIED[column]}", headers, lines)
+
+
+def _by_overlap(related: pd.DataFrame) -> Table:
+    columns: dict[str, Any] = {}
+    for low, high in itertools.pairwise(_OVERLAPS):
+        inside = related["overlap"].between(low, high, "both" if high == 1 else "left")
+        if inside.any():
+            header = f"{low:g} to {high:g} ({related.loc[inside, 'case'].nunique()})"
+            columns[header] = lambda rows, inside=inside: mean("right", "{:.2f}")(rows[inside[rows.index]])
+    return tabulate("Share of registered pairs by overlap", related, _BY, columns, name=method_cell)
+
+
+def _name_level(value: object) -> str:
+    return f"{value:,g}" if isinstance(value, (int, float)) else str(value)
 
 
 def as_markdown(overview: Table, sections: Sequence[TrialSection]) -> str:
-    """Write an overview and sections as Markdown: what they are about, and their tables."""
+    """Return an overview and sections as Markdown."""
     parts = ["## All sets", _table_as_markdown(overview)]
     for section in sections:
-        parts += [f"## {section.title}", section.label]
-        tables = (section.ranking, section.levels, section.costs, section.failures)
-        parts += [_table_as_markdown(table) for table in tables if table is not None]
+        parts += [f"## {section.title}", section.label, *map(_table_as_markdown, section.tables)]
     return "\n\n".join(parts) + "\n"
 
 
@@ -103,7 +271,7 @@ def _table_as_markdown(table: Table) -> str:
 
 
 def describe_set(rows: pd.DataFrame, machines: pd.DataFrame) -> str:
-    """Say all that the numbers of a set depend on."""
+    """Return all that the numbers of a set depend on, in a sentence."""
     problems = rows.drop_duplicates("case")
     related = problems[problems["kind"] == "related"]
     known = rows.iloc[0]
@@ -115,7 +283,7 @@ def describe_set(rows: pd.DataFrame, machines: pd.DataFrame) -> str:
     cpu = ", ".join(machines.loc[machines["id"].isin(rows["machine"]), "cpu"])
     return (
         f"{', '.join(dict.fromkeys(rows['dataset']))}: {len(related):,} problems{part}, "
-        f"{_name_matches(rows)}; mean n {related['n'].mean():,.0f}, mean share of right matches "
+        f"{_name_matches(rows)}; mean n {related['n'].mean():,.0f}, mean share of correct matches "
         f"{related['inlier_ratio'].mean():.3g} within {within}; "
         f"registered by {protocol_title(known['loose'])}, "
         f"accurate by {protocol_title(known['strict'])}; preset {known['preset']}; {cpu}."
@@ -123,15 +291,12 @@ def describe_set(rows: pd.DataFrame, machines: pd.DataFrame) -> str:
 
 
 def _name_matches(rows: pd.DataFrame) -> str:
-    voxels = (
-        "voxels chosen per pair" if rows["voxel"].isna().all() else f"voxels of {rows['voxel'].iloc[0]:g}"
-    )
-    kinds = dict.fromkeys(rows["matches"])
-    return ", ".join(
-        "ready-made matches"
-        if not kind
-        else "+".join(COMBINATIONS[kind]).upper()
-        if kind in COMBINATIONS
-        else f"FPFH {kind}, {voxels}"
-        for kind in kinds
-    )
+    chosen = rows["voxel"].isna().all()
+    voxels = "voxels chosen per pair" if chosen else f"voxels of {rows['voxel'].iloc[0]:g}"
+
+    def name(kind: str) -> str:
+        if not kind:
+            return "ready-made matches"
+        return "+".join(COMBINATIONS[kind]).upper() if kind in COMBINATIONS else f"FPFH {kind}, {voxels}"
+
+    return ", ".join(map(name, dict.fromkeys(rows["matches"])))

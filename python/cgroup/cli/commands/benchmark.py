@@ -38,16 +38,15 @@ if TYPE_CHECKING:  # slow to load
 
 
 _DONE = {
-    "correspond": "cases matched",
-    "group": "groupings",
-    "score": "scores",
-    "time": "times",
-    "register": "registrations",
-    "place": "scenes",
-    "try": "trials",
+    "match": "cases matched",
+    "experiment": "groupings",
+    "timing": "times",
+    "registration": "registrations",
+    "scenes": "scenes",
+    "matches": "trials",
     "judge": "readings judged",
 }
-"""What each stage counts."""
+"""Names of the results of each kind."""
 
 _VERDICT_COLORS = {"confirmed": "green", "partly": "yellow", "not confirmed": "red"}
 _CLAIMS = (
@@ -112,7 +111,7 @@ def _print_summary(document: Document) -> None:
         print_line(f"computed anew  {done['computed_anew']}")
     print_line(f"took {_format_duration(done['seconds'])}; records are in {out}/")
     if done["failed"]:
-        wanted = sum(count["wanted"] for stage, count in done["counts"].items() if stage != "score")
+        wanted = sum(count["wanted"] for count in done["counts"].values())
         print_line(f"{done['failed']} of {wanted} failed; see: cgroup benchmark status --out {out}")
 
 
@@ -232,8 +231,7 @@ def _print_status(document: Document) -> None:
     _print_counts(found)
     failures = found["failures"]
     for failure in failures[:_FAILURES_SHOWN]:
-        what = failure["method"] or "correspond"
-        print_prose(f"failed {failure['times']:>5} x {what}: {failure['error']}", _INDENT)
+        print_prose(f"failed {failure['times']:>5} x {failure['method']}: {failure['error']}", _INDENT)
     if len(failures) > _FAILURES_SHOWN:
         print_line(f"and {len(failures) - _FAILURES_SHOWN} other errors")
 
@@ -400,8 +398,7 @@ def rankings_command(
 ) -> Document | None:
     """Print how grouping methods rank on matches."""
     from cgroup.benchmark import tables  # noqa: PLC0415 - slow to load
-    from cgroup.benchmark.report.trial_tables import overview_table, with_fewest_threads  # noqa: PLC0415
-    from cgroup.benchmark.report.trials import as_markdown, make_trial_sections  # noqa: PLC0415
+    from cgroup.benchmark.report import trials as report  # noqa: PLC0415
     from cgroup.benchmark.stats import rank_methods  # noqa: PLC0415
 
     trials = tables.load(out, "matches")
@@ -411,20 +408,20 @@ def rankings_command(
     if as_json:
         sets: dict[str, list[dict[str, Any]]] = {}
         for name, rows in trials.groupby("set", sort=False):
-            ranks = rank_methods(with_fewest_threads(rows))
+            ranks = rank_methods(report.with_fewest_threads(rows))
             sets[str(name)] = [
                 {**rank._asdict(), **{key: getattr(rank, key)._asdict() for key in ("f_score", "registered")}}
                 for rank in ranks
             ]
         return {"options": {"out": out}, "results": {"sets": sets}}
-    overview, sections = overview_table(trials), make_trial_sections(trials, tables.load_machines(out), None)
+    overview = report.overview_table(trials)
+    sections = report.make_trial_sections(trials, tables.load_machines(out), None)
     if format == "markdown":
-        print_text(as_markdown(overview, sections).rstrip())
+        print_text(report.as_markdown(overview, sections).rstrip())
         return None
     _print_tables("All sets", "", [overview], wide=wide)
     for section in sections:
-        shown = (section.ranking, section.levels, section.costs, section.failures)
-        _print_tables(section.title, section.label, filter(None, shown), wide=wide)
+        _print_tables(section.title, section.label, section.tables, wide=wide)
     return None
 
 
