@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from cgroup.benchmark.tables import fit_exponent
+from cgroup.benchmark.solving import fit_exponent
 from peers.catalogue import COMMON_SHARE, PEERS, Peer
 from peers.records import Run
 

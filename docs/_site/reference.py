@@ -133,11 +133,7 @@ GROUPS: dict[str, dict[str, str]] = {
         "Means": "aggregate exponents",
     },
     "cgroup.benchmark.report": {"Report": "write_report"},
-    "cgroup.benchmark.stats": {
-        "Ranking on a set of problems": "rank_methods Rank",
-        "Ranking over all pairs": "rank_overall Overall Standing REAL GENERATED LEAST_OBJECTS",
-        "Statistics": "bootstrap Interval LEVEL RESAMPLES",
-    },
+    "cgroup.benchmark.stats": {"Ranking": "rank_methods Rank"},
     "cgroup.benchmark.pipelines": {
         "Ways to register two clouds": "PIPELINES Clouds Answer",
         "Ways to register many scans": "SCENE_SOLVERS Scans SceneAnswer",

@@ -8,14 +8,11 @@ import errno
 import io
 import json
 import shutil
-import sqlite3
 import sys
-from collections.abc import Callable
-from contextlib import closing, redirect_stderr, redirect_stdout
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 from benchmark_runs import contents
-from cgroup.benchmark.store import RECORDS
 from cgroup.cli import main
 
 FOREVER = 10**9
@@ -43,19 +40,9 @@ def run_failing(config: Path, out: Path, first: int, last: int, reason: int) -> 
         DISK.fail_changes(b"", 0, 0, 0)
 
 
-def damage(whole: Path, out: Path) -> None:
-    """Make a folder with a file that has to be set aside."""
-    shutil.copytree(whole, out)
-    with closing(sqlite3.connect(out / RECORDS, isolation_level=None)) as connection:
-        connection.execute("pragma wal_checkpoint(truncate)")
-    content = (out / RECORDS).read_bytes()
-    (out / RECORDS).write_bytes(content[:4096] + bytes(len(content) - 4096))
-
-
-def try_all(name: str, config: Path, folder: Path, step: int, prepare: Callable[[Path], object]) -> None:
+def try_all(config: Path, folder: Path, step: int) -> None:
     """Fail at every step-th change, for good or once, for two reasons."""
-    whole = folder / name
-    prepare(whole)
+    whole = folder / "whole"
     DISK.fail_changes(str(whole).encode(), FOREVER, FOREVER, 0)
     run(config, whole)
     changes = DISK.count_changes()
@@ -65,8 +52,7 @@ def try_all(name: str, config: Path, folder: Path, step: int, prepare: Callable[
         [(errno.ENOSPC, FOREVER), (errno.ENOSPC, 0), (errno.EIO, FOREVER), (errno.EIO, 0)]
     ):
         for first in range(1 + kind % step, changes + 1, step):
-            out = folder / f"{name}-{kind}-{first}"
-            prepare(out)
+            out = folder / f"{kind}-{first}"
             status, errors = run_failing(config, out, first, last or first, reason)
             again = run(config, out)
             outcome = {"at": first, "status": status, "errors": errors.replace(str(out), "OUT")}
@@ -76,6 +62,4 @@ def try_all(name: str, config: Path, folder: Path, step: int, prepare: Callable[
 
 
 if __name__ == "__main__":
-    config, folder, step = Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3])
-    try_all("fresh", config, folder, step, lambda _: None)
-    try_all("damaged", config, folder, step, lambda out: damage(folder / "fresh", out))
+    try_all(Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3]))

@@ -9,7 +9,7 @@ import pytest
 import benchmark_fakes
 from benchmark_runs import MATCHES, contents, serial
 from cgroup import METHODS, PAPER_METHODS, group
-from cgroup.benchmark import config, tables
+from cgroup.benchmark import entries, tables
 from cgroup.benchmark.config import parse_config, preset_names, read_config, replace_methods
 from cgroup.benchmark.plan import make_plan
 from cgroup.benchmark.problem import Problem
@@ -104,7 +104,7 @@ def test_seeds_are_as_large_as_methods_take_them(seed: int, tmp_path: Path) -> N
 
 def test_sets_of_methods(monkeypatch: pytest.MonkeyPatch) -> None:
     """With a tenth method, "paper" stays the nine, and the default is what exists."""
-    monkeypatch.setitem(config.METHOD_SETS, "all", (*METHODS, "benchmark_fakes:first"))
+    monkeypatch.setitem(entries.METHOD_SETS, "all", (*METHODS, "benchmark_fakes:first"))
     text = MATCHES.replace('methods = ["ransac", "gtm"]', "methods = {}")
 
     def names(methods: str) -> list[str]:

@@ -14,7 +14,8 @@ import benchmark_fakes
 from benchmark_runs import CLOUDS, contents, serial
 from cgroup import Correspondences, features
 from cgroup.benchmark import matching, tables
-from cgroup.benchmark.config import ExperimentEntry, FrontEntry, parse_config
+from cgroup.benchmark.config import parse_config
+from cgroup.benchmark.entries import ExperimentEntry, FrontEntry
 from cgroup.benchmark.matching import match_by_front
 from cgroup.benchmark.paper.evidence import Evidence
 from cgroup.benchmark.plan import make_plan

@@ -16,7 +16,8 @@ from command_lines import run as run_command
 from matplotlib.patches import Rectangle
 
 from cgroup.benchmark import tables
-from cgroup.benchmark.config import Config, ExperimentEntry, parse_config, read_config
+from cgroup.benchmark.config import Config, parse_config, read_config
+from cgroup.benchmark.entries import ExperimentEntry
 from cgroup.benchmark.paper import readings
 from cgroup.benchmark.paper.claims import CLAIMS
 from cgroup.benchmark.paper.reading_tables import (

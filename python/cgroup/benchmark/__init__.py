@@ -1,15 +1,14 @@
-"""The paper's evaluation: problems and solvers configured and run, results kept and reported.
+"""The paper's evaluation and comparisons of methods: configured, run, stored and reported.
 
 ==============  ================================================================================
-`config`        what is to be run, read from TOML: `read_config`, `parse_config`
+`config`        reads configurations from TOML: `read_config`, `parse_config`
 `run`           `run` computes the results that a folder lacks, and continues after a stop
 `tables`        results as tables of pandas: `load`
-`report`        `write_report` makes one self-contained page of the results
-`solver`        methods and ways to register, also one's own: `candidate`, `make_pipeline`, ...
-`pipelines`     the built-in ways to register, and what one's own answers: `Answer`
-`rankings`      means with intervals, and whether a difference could be chance: `rank_methods`
-`claims`        what the paper says, and whether the results bear it out: `check_claims`
+`report`        `write_report` writes one self-contained page about the results
+`pipelines`     built-in pipelines, and the answers of further ones: `Answer`, `SceneAnswer`
+`stats`         means with intervals, and tests of differences: `rank_methods`
+`paper.claims`  checks the paper's claims: `check_claims`
 ==============  ================================================================================
 
-All of it needs the extra ``cgroup[bench]``. On the command line: ``cgroup benchmark``.
+All modules need the extra ``cgroup[bench]``. On the command line: ``cgroup benchmark``.
 """

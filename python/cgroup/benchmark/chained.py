@@ -1,17 +1,14 @@
-"""RANSAC on what another method has selected, to see how many more pairs it registers then (section 6)."""
+"""RANSAC on the group of another method (section 6 of the paper)."""
 
 from __future__ import annotations
 
 import functools
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from cgroup.group import group
-from cgroup.types import Correspondences, Grouping
-
-if TYPE_CHECKING:
-    from cgroup.types import BoolArray
+from cgroup.types import BoolArray, Correspondences, Grouping
 
 
 def _then_ransac(
@@ -22,7 +19,7 @@ def _then_ransac(
     threads: int | None = None,
     **options: Any,  # noqa: ANN401 - of the first method
 ) -> Grouping:
-    """RANSAC's inliers within the first method's group, aligned with all correspondences."""
+    """Return RANSAC's inliers in the first method's group, aligned with all matches."""
     kept = group(correspondences, first, threads=threads, **options).indices
     subset = Correspondences(
         correspondences.source[kept], correspondences.target[kept], resolution=correspondences.resolution

@@ -1,4 +1,4 @@
-"""Work spread over processes or threads of this machine, or over a Dask cluster."""
+"""Pools of worker processes or threads of this machine, or of a Dask cluster."""
 
 from __future__ import annotations
 
@@ -11,17 +11,14 @@ import queue
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 from cgroup._runtime.cluster import WorkersDiedError, reach_cluster, work_on_cluster
 from cgroup.benchmark.worker import ALL_CORES, START, end_group, make_ready, read_message, write_message
 from cgroup.errors import InputError
-
-if TYPE_CHECKING:
-    from collections.abc import Generator
 
 BACKENDS = ("processes", "dask", "threading")
 
@@ -32,14 +29,14 @@ TaskArguments: TypeAlias = tuple[Any, ...]
 CallUnordered: TypeAlias = Callable[
     [Callable[..., Any], Iterable[TaskArguments], float | None], Iterator[tuple[TaskArguments, Any]]
 ]
-"""Calls a function with each of many tuples of arguments, and yields tuple and result as they are ready.
+"""Calls a function with each of many tuples of arguments; yields tuple and result when they are ready.
 
-Tuples are drawn as workers become free, so that they needn't all be in memory. Each call has a limit in
-seconds, if there is one. The result of a call that killed its workers or took longer is the `WorkerError`.
+Tuples are drawn when workers become free. Each call may have a limit in seconds. The result of a call that
+killed its workers or exceeded its limit is the `WorkerError`.
 """
 
 _IF_LOST = "run the same command again to continue"
-_TRIES = 3  # so that a process ended from outside isn't blamed on the call
+_TRIES = 3  # the process may have been ended from outside
 _THREAD_VARIABLES = (
     *("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS"),
     *("VECLIB_MAXIMUM_THREADS", "NUMBA_NUM_THREADS", "NUMEXPR_NUM_THREADS"),
@@ -51,18 +48,18 @@ class WorkerError(Exception):
 
 
 class ProcessDiedError(WorkerError):
-    """The process died of the call."""
+    """The call ended its process."""
 
 
 class OutOfTimeError(WorkerError):
-    """The call took longer than its limit, and the process was ended."""
+    """The call exceeded its limit, and its process was ended."""
 
 
 class Worker:
-    """A process that calls functions, started again after it died; it ends with this one, in any case.
+    """A process that calls functions, and is started again if it dies; it ends with this one.
 
-    Its libraries are told a number of threads before any loads; where the system allows, it is kept to so
-    many cores, for libraries that can't be told. Both may be `ALL_CORES`.
+    The number of threads is set before any library loads. Where possible the process is restricted to a
+    number of cores. Both may be `ALL_CORES`.
     """
 
     def __init__(self, threads: int, cores: int = ALL_CORES) -> None:
@@ -73,22 +70,14 @@ class Worker:
         self._closed = False
 
     def call(self, function: Callable[..., Any], *arguments: object, limit: float | None = None) -> Any:  # noqa: ANN401 - whatever it returns
-        """Call a function that is importable by its name and doesn't raise; return its result.
+        """Call an importable function that doesn't raise; return its result.
 
-        If the process dies, it is called again in a new one, twice at most.
-
-        Raises
-        ------
-        ProcessDiedError
-            If the process dies of it each time, or is closed meanwhile.
-        OutOfTimeError
-            If it takes longer than the limit in seconds; the process is ended.
-        InputError
-            If the system starts no process.
+        If the process dies, the call is repeated in a new one, at most twice, before `ProcessDiedError` is
+        raised. Raises `OutOfTimeError` after the limit in seconds, and `InputError` if no process starts.
         """
         for _ in range(_TRIES):
             with suppress(EOFError, OSError):
-                if limit is not None:  # which a process that starts would use up
+                if limit is not None:  # starting a process takes part of it
                     self._call_once(make_ready, (function,), None)
                 return self._call_once(function, arguments, limit)
         raise ProcessDiedError
@@ -120,7 +109,7 @@ class Worker:
             timer.cancel()
 
     def close(self) -> None:
-        """End the process for good; a call that is under way in another thread ends with it."""
+        """End the process for good, with any call in another thread."""
         with self._lock:
             self._closed = True
             process = self._process
@@ -160,7 +149,7 @@ class Worker:
                 process.kill()
 
     def _forget(self, process: subprocess.Popen[bytes]) -> None:
-        """End a process that is of no use any more."""
+        """End a process, and close its pipes."""
         self._kill(process)
         with self._lock:
             process.wait()
@@ -177,13 +166,8 @@ def open_workers(
 ) -> Generator[CallUnordered, None, None]:
     """Start or reach workers: processes of this machine, a Dask cluster, or threads of this process.
 
-    `count` is one per core by default; a cluster has its own. The scheduler's address comes from the
-    environment by default.
-
-    Raises
-    ------
-    InputError
-        If the backend is unknown or not installed, or no scheduler can be reached; later, if it is lost.
+    `count` is one per core by default; a cluster has its own. The scheduler's address is by default that of
+    the environment. `InputError` is raised if the backend is unknown or missing, or the scheduler is lost.
     """
     if backend not in BACKENDS:
         raise InputError("backend", repr(backend), f"choose one of {', '.join(BACKENDS)}")
@@ -208,7 +192,7 @@ def _open_processes(count: int) -> Generator[CallUnordered, None, None]:
     def call(function: Callable[..., Any], limit: float | None, *arguments: object) -> Any:  # noqa: ANN401 - whatever it returns
         worker = idle.get()
         try:
-            return _call_or_tell(worker, function, limit, *arguments)
+            return _call_or_error(worker, function, limit, *arguments)
         finally:
             idle.put(worker)
 
@@ -220,10 +204,10 @@ def _open_processes(count: int) -> Generator[CallUnordered, None, None]:
                 worker.close()
 
 
-def _call_or_tell(
+def _call_or_error(
     worker: Worker, function: Callable[..., Any], limit: float | None, *arguments: object
 ) -> Any:  # noqa: ANN401 - whatever it returns
-    """Call a function in a worker's process; return its result, or why there is none."""
+    """Return the result of a function in a worker's process, or the error."""
     try:
         return worker.call(function, *arguments, limit=limit)
     except WorkerError as error:
@@ -240,7 +224,7 @@ def _open_threads(count: int, call: Callable[..., Any]) -> Generator[CallUnorder
         waiting = iter(tasks)
         under_way: dict[Future[Any], TaskArguments] = {}
         while True:
-            # One more is under way than there are threads, so that none waits for the next.
+            # One more than there are threads, so that none waits for the next.
             for task in itertools.islice(waiting, count + 1 - len(under_way)):
                 under_way[pool.submit(call, function, limit, *task)] = task
             if not under_way:
@@ -260,10 +244,7 @@ def _open_threads(count: int, call: Callable[..., Any]) -> Generator[CallUnorder
 
 @contextmanager
 def _open_cluster(scheduler: str | None, count: int) -> Generator[CallUnordered, None, None]:
-    """Reach a cluster, whose workers may come and go.
-
-    Arguments travel with their task through the scheduler, so that a lost worker takes none with it.
-    """
+    """Reach a cluster; arguments travel with their task, so that a lost worker loses none."""
     address = scheduler or os.environ.get(SCHEDULER)
     if not address:
         remedy = f"needed by the dask backend; give its address, or set {SCHEDULER}"
@@ -289,7 +270,7 @@ _of_thread = threading.local()
 
 
 def _call_in_process(function: Callable[..., Any], limit: float | None, *arguments: object) -> Any:  # noqa: ANN401 - whatever it returns
-    """Call a function in a process beside this worker of a cluster, one for each of its threads."""
+    """Call a function in a process beside this worker of a cluster; each of its threads has one."""
     if not hasattr(_of_thread, "worker"):
         _of_thread.worker = Worker(threads=1)
-    return _call_or_tell(_of_thread.worker, function, limit, *arguments)
+    return _call_or_error(_of_thread.worker, function, limit, *arguments)

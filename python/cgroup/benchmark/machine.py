@@ -1,4 +1,4 @@
-"""Which machine made a record."""
+"""The machine that makes results."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Machine:
-    """Everything that the speed of a computation depends on."""
+    """Hardware and software that determine the speed."""
 
     cpu: str
     cores: int

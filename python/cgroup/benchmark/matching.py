@@ -12,7 +12,7 @@ import numpy as np
 
 from cgroup import features
 from cgroup._runtime.progress import StageClock
-from cgroup.benchmark.config import FrontEntry
+from cgroup.benchmark.entries import FrontEntry
 from cgroup.benchmark.pipelines.own import describe_voxels
 from cgroup.benchmark.problem import (
     COMBINATIONS,

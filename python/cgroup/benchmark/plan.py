@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
-from cgroup.benchmark.config import (
-    Config,
+from cgroup.benchmark.config import Config
+from cgroup.benchmark.entries import (
     ExperimentEntry,
     MethodEntry,
     PairsEntry,

@@ -26,15 +26,7 @@ from cgroup.benchmark.plan import make_plan
 from cgroup.benchmark.problem import Task
 from cgroup.benchmark.results import KILLED, OUT_OF_TIME, Matched, Pending, Result
 from cgroup.benchmark.solver import Solver
-from cgroup.benchmark.store import (
-    RECORDS,
-    Counts,
-    DamagedError,
-    Store,
-    only_writer,
-    report_failures,
-    set_aside,
-)
+from cgroup.benchmark.store import RECORDS, Counts, Store, only_writer, report_failures
 from cgroup.benchmark.worker import ALL_CORES
 from cgroup.io._results import make_folder
 
@@ -65,9 +57,6 @@ class Summary:
         "matches".
     missing : dict of str to str
         Missing data sets and pipelines, and why.
-    damaged : str
-        The reason why the results of earlier runs couldn't be read, and their new place; empty otherwise. All
-        results are computed again then.
 
     Examples
     --------
@@ -83,7 +72,6 @@ class Summary:
 
     counts: dict[str, Counts]
     missing: dict[str, str]
-    damaged: str = ""
 
     @property
     def failed(self) -> int:
@@ -112,7 +100,7 @@ def run(
     """Compute the results of a configuration that a folder lacks.
 
     The results do not depend on backend or workers. A stopped run loses only the calls in progress; called
-    again, it continues. A damaged file of results is renamed, and all results are computed again.
+    again, it continues.
 
     Parameters
     ----------
@@ -129,7 +117,7 @@ def run(
     scheduler : str, optional
         Address of the Dask scheduler; ``DASK_SCHEDULER_ADDRESS`` by default.
     retry_failed : bool
-        Try again what failed.
+        Run failed problems again.
     progress : callable, optional
         Called with the kind of results, and the numbers of finished and of wanted ones.
 
@@ -164,24 +152,17 @@ def run(
     plan = make_plan(config, root)
     make_folder(out)
 
-    def compute() -> Summary:
-        with report_failures(out / RECORDS), closing(Store(out / RECORDS)) as store:
-            store.replace_plan(plan)
-            if retry_failed:
-                store.forget_failures()
-            runner = _Runner(store, None if root is None else str(root), progress or ignore_progress)
-            with open_workers(backend, workers, scheduler) as call_unordered:
-                runner.run_experiments(call_unordered)
-            for task in ("timing", "registration", "scenes", "matches"):
-                runner.run_alone(task)
-            return Summary(store.counts(), plan.missing)
-
-    with only_writer(out):
-        try:
-            return compute()
-        except DamagedError as error:
-            kept = set_aside(out / RECORDS)
-            return replace(compute(), damaged=f"{out / RECORDS}: {error}; the damaged file is now {kept}")
+    with only_writer(out), report_failures(out / RECORDS), closing(Store(out / RECORDS)) as store:
+        store.replace_plan(plan)
+        if retry_failed:
+            store.forget_failures()
+        runner = _Runner(store, None if root is None else str(root), progress or ignore_progress)
+        with open_workers(backend, workers, scheduler) as call_unordered:
+            runner.match(call_unordered)
+            runner.group(call_unordered)
+        for task in ("timing", "registration", "scenes", "matches"):
+            runner.run_alone(task)
+        return Summary(store.counts(), plan.missing)
 
 
 class _Runner:
@@ -214,17 +195,7 @@ class _Runner:
 
     # --- experiments, by many workers ------------------------------------------------------------
 
-    def run_experiments(self, call_unordered: CallUnordered) -> None:
-        """Match and group; once more for problems whose stored matches can't be read."""
-        for _ in range(2):
-            self._match(call_unordered)
-            unreadable = self._group(call_unordered)
-            for problem in unreadable:
-                self._store.forget_matches(problem)
-            if not unreadable:
-                break
-
-    def _match(self, call_unordered: CallUnordered) -> None:
+    def match(self, call_unordered: CallUnordered) -> None:
         """Match the problems of experiments that lack results; errors become results of all solvers."""
         stored = self._store.matched()
         pending = [each for each in self._store.pending("experiment") if each.problem.key not in stored]
@@ -248,17 +219,15 @@ class _Runner:
                     self._store.add_results(failed)
             self._report(len(part))
 
-    def _group(self, call_unordered: CallUnordered) -> list[str]:
-        """Group all matches; return the problems whose matches can't be read."""
-        unreadable: list[str] = []
+    def group(self, call_unordered: CallUnordered) -> None:
+        """Group the matches of experiments; slow methods are given up by the limits of their sets."""
         slow: Slow = defaultdict(list)
         pending = sorted(self._begin_task("experiment"), key=lambda each: each.limit)
         sizes = self._store.matched()
         for limit, cases in itertools.groupby(pending, key=lambda each: each.limit):
             waiting = deque(cases)
             while waiting:  # cases that were put back at the very end
-                unreadable += self._group_within(limit, waiting, call_unordered, slow, sizes)
-        return unreadable
+                self._group_within(limit, waiting, call_unordered, slow, sizes)
 
     def _group_within(
         self,
@@ -267,11 +236,8 @@ class _Runner:
         call_unordered: CallUnordered,
         slow: Slow,
         sizes: dict[str, int],
-    ) -> Iterator[str]:
-        """Group by all methods of a problem together, or by each alone after a failure.
-
-        Yields problems whose matches can't be read.
-        """
+    ) -> None:
+        """Group by all methods of a problem together, or by each alone after a failure."""
 
         def tasks() -> Iterator[tuple[object, ...]]:
             # One by one: all matches together may not fit into memory.
@@ -283,8 +249,6 @@ class _Runner:
 
         for (case, *_), results in call_unordered(solving.solve, tasks(), limit):
             if not isinstance(results, WorkerError):
-                if not results:
-                    yield case.problem.key
                 self._add(results)
             elif len(case.solvers) > 1:  # one of them failed; each alone shows which
                 waiting.extendleft(replace(case, solvers=(each,)) for each in case.solvers)

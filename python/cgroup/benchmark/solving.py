@@ -70,18 +70,13 @@ Prepared: TypeAlias = tuple[dict[str, Any], Callable[[Solver], Outcome]]
 
 
 def solve(pending: Pending, given: Matched | bytes | None, root: str | None) -> list[Result]:
-    """Run the solvers of a problem one after another; return no results if packed matches can't be read.
+    """Run the solvers of a problem one after another.
 
     `given` are the matches of problems that have some. `root` is the folder with the data.
     """
-    if isinstance(given, bytes):
-        try:
-            given = unpack(given)
-        except Exception:  # noqa: BLE001 - damaged bytes are made again
-            return []
     try:
         if given is not None:
-            known, run = _prepare_matches(pending, given)
+            known, run = _prepare_matches(pending, unpack(given) if isinstance(given, bytes) else given)
         else:
             prepare = _prepare_scans if pending.problem.task == "scenes" else _prepare_clouds
             known, run = prepare(pending.problem, pending.threads, root)

@@ -1,65 +1,46 @@
-"""Statistics over problems or pairs: means with intervals, paired tests, and rankings of methods.
+"""Means with intervals, paired tests, and rankings of methods.
 
-Intervals are percentiles of the means of `RESAMPLES` draws of the units with replacement (Efron 1979). They
-say nothing of problems of another kind, and take the units as independent. Differences from the best method
-are tested on the same units: scores by Wilcoxon's signed-rank test, yes or no by McNemar's exact test. The p
-of all comparisons of a column are adjusted by Holm (1979). A method that failed on a problem, or was given up
-there, has F 0 there and hasn't registered it.
+Intervals are percentiles of the means of `RESAMPLES` draws of the units with replacement (Efron 1979); units
+are treated as independent. Differences from the best method are tested on the same units: scores by
+Wilcoxon's signed-rank test, flags by McNemar's exact test, adjusted by Holm (1979) over a column. A method
+that failed or was stopped on a problem has F 0 there and hasn't registered it.
 
-A unit is a problem, or in `rank_overall` a pair: it counts once, with the mean of its cases, which are its
-levels of nuisances, detectors and descriptors. Pairs named `object/pair` of one object share scans, so that
-an object is one unit, where a data set has at least `LEAST_OBJECTS` of them. Every draw has as many units of
-each data set as there are.
+A unit is a problem, or in `rank_overall` a pair with the mean of its cases (levels of nuisances, detectors,
+descriptors). Pairs named `object/pair` of one object share scans: the object is the unit where a data set has
+at least `LEAST_OBJECTS`. Every draw has as many units of each data set as there are.
 """
 
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable, Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy import stats
 
 from cgroup.benchmark.problem import keyed_rng
 from cgroup.datasets.generated_matches import GeneratedMatches
 from cgroup.evaluation.paired_tests import holm, mcnemar
+from cgroup.types import BoolArray, FloatArray, IndexArray
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Hashable, Sequence
-    from typing import TypeAlias
-
+if TYPE_CHECKING:  # slow to load
     import pandas as pd
-    from numpy.typing import ArrayLike
 
-    from cgroup.types import BoolArray, FloatArray, IndexArray
+Test: TypeAlias = Callable[[ArrayLike, ArrayLike], float]
 
-    Test: TypeAlias = Callable[[ArrayLike, ArrayLike], float]
-
-__all__ = [
-    "GENERATED",
-    "LEAST_OBJECTS",
-    "LEVEL",
-    "REAL",
-    "RESAMPLES",
-    "Interval",
-    "Overall",
-    "Rank",
-    "Standing",
-    "bootstrap",
-    "rank_methods",
-    "rank_overall",
-]
+__all__ = ["Rank", "rank_methods"]
 
 RESAMPLES = 10_000
 """Draws of the bootstrap."""
 
 LEVEL = 0.95
-"""Of the intervals; a difference is significant if its p is below 1 - `LEVEL`."""
+"""Level of the intervals; a difference is significant if its p is below 1 - `LEVEL`."""
 
 LEAST_OBJECTS = 5
-"""Objects that a data set must have for them to be drawn in place of its pairs."""
+"""Least number of objects of a data set for drawing objects instead of pairs."""
 
 REAL = "real and semi-synthetic"
 """Pairs of real shapes, scanned or with a part that is simulated."""
@@ -69,21 +50,7 @@ GENERATED = "synthetic"
 
 
 class Interval(NamedTuple):
-    """A mean and the interval about it.
-
-    Attributes
-    ----------
-    mean : float
-        Over the units.
-    low, high : float
-        Ends of the interval that holds 95 % of the means of resampled units.
-
-    Examples
-    --------
-    >>> from cgroup.benchmark.stats import bootstrap
-    >>> bootstrap([[0.0], [1.0], [1.0], [1.0]])
-    [Interval(mean=0.75, low=0.25, high=1.0)]
-    """
+    """A mean over units, and the ends of its interval."""
 
     mean: float
     low: float
@@ -91,23 +58,7 @@ class Interval(NamedTuple):
 
 
 class Standing(NamedTuple):
-    """How a method does by one measure.
-
-    Attributes
-    ----------
-    interval : Interval
-        Mean over pairs.
-    p : float
-        Adjusted p of the difference from the method with the highest mean; 1 for that one.
-    tied : bool
-        Whether the method can't be told from that one.
-
-    Examples
-    --------
-    >>> from cgroup.benchmark.stats import Interval, Standing
-    >>> Standing(Interval(0.5, 0.4, 0.6), p=0.01, tied=False).interval.mean
-    0.5
-    """
+    """A method by one measure; `p` is of its difference from the best, `tied` if that is not significant."""
 
     interval: Interval
     p: float
@@ -115,18 +66,18 @@ class Standing(NamedTuple):
 
 
 class Rank(NamedTuple):
-    """How a method does on a set of problems.
+    """A method on a set of problems.
 
     Attributes
     ----------
     method : str
-        By its label.
+        Its label.
     f_score, registered : Interval
         Mean F, and the share of registered problems.
     f_tied, registered_tied : bool
-        Whether it can't be told from the first in F, or from the one that registers most.
+        Whether the difference from the best in F, or in registered problems, is not significant.
     p_f_score, p_registered : float
-        Adjusted p of the difference from those; 1 for these themselves.
+        Adjusted p of these differences; 1 for the best.
 
     Examples
     --------
@@ -145,42 +96,13 @@ class Rank(NamedTuple):
     p_registered: float
 
 
-@dataclass(frozen=True)
-class Overall:
-    """A ranking over all pairs of a kind.
+class Overall(NamedTuple):
+    """A ranking over all pairs of a kind, `REAL` or `GENERATED`.
 
-    Attributes
-    ----------
-    kind : str
-        `REAL` or `GENERATED`.
-    methods : tuple of str
-        The best by the first measure first.
-    standings : dict of str to dict of str to Standing
-        By measure and method.
-    p_between : dict of (str, str) to float
-        Adjusted p of the difference of two methods by the first measure, over all twos.
-    pairs : dict of str to int
-        Number of pairs by data set.
-    cases, further_cases, units : int
-        How many cases all ranked methods have, how many only some of them, and how many units are drawn.
-    by_object : tuple of str
-        Data sets whose objects are drawn.
-    unranked : dict of str to int
-        Methods that aren't ranked, with the number of their cases.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> from cgroup.benchmark.stats import rank_overall
-    >>> rows = pd.DataFrame(
-    ...     {"pair": ["a", "b"] * 2, "method": ["gc"] * 2 + ["gtm"] * 2}
-    ... )
-    >>> rows = rows.assign(dataset="mine", case=rows["pair"], origin="real")
-    >>> (overall,) = rank_overall(
-    ...     rows.assign(f_score=[0.5, 0.6, 0.9, 0.8]), ["f_score"]
-    ... )
-    >>> overall.methods, overall.pairs, overall.cases
-    (('gtm', 'gc'), {'mine': 2}, 2)
+    `methods` are sorted by the first measure. `standings` are by measure and method. `p_between` are adjusted
+    p of the differences of two methods by the first measure. `pairs` counts pairs by data set, `cases` those
+    that all ranked methods have, `further_cases` the others, `units` what is drawn. `by_object` are the data
+    sets whose objects are drawn. `unranked` has the numbers of cases of methods with too few.
     """
 
     kind: str
@@ -199,7 +121,7 @@ class Overall:
 
 
 def draw_weights(count: int, resamples: int, *key: object) -> FloatArray:
-    """Draw as many units as there are, with replacement: how often each draw has each, (resamples,count)."""
+    """Return how often each draw with replacement has each unit, (resamples,count)."""
     drawn = keyed_rng(*key).multinomial(count, np.full(count, 1 / count), size=resamples)
     return drawn.astype(np.float64)
 
@@ -207,30 +129,11 @@ def draw_weights(count: int, resamples: int, *key: object) -> FloatArray:
 def bootstrap(
     sums: ArrayLike, counts: FloatArray | None = None, *, strata: Sequence[Hashable] | None = None
 ) -> list[Interval]:
-    """Find the mean and its interval for every column.
+    """Return the mean of every column with its interval; NaN for a column without values.
 
-    Parameters
-    ----------
-    sums : (n,m) array_like of float
-        One row per unit, which is what is drawn with replacement, alike for all columns: sums of its values,
-        or its only value.
-    counts : (n,m) array of float, optional
-        How many values each sum is of; 1 by default.
-    strata : sequence, optional
-        Of which data set each unit is: every draw has as many units of each as there are, and the data sets
-        keep their shares in the mean. All units are of one by default.
-
-    Returns
-    -------
-    list of Interval
-        One per column; NaN where it has no values.
-
-    Examples
-    --------
-    >>> from cgroup.benchmark.stats import bootstrap
-    >>> first, second = bootstrap([[0.2, 1.0], [0.4, 1.0], [0.6, 1.0]])
-    >>> round(first.mean, 2), second
-    (0.4, Interval(mean=1.0, low=1.0, high=1.0))
+    Rows are units, which are drawn alike for all columns; each has the sums of its values, or its only value.
+    `counts` are the numbers of values in the sums, 1 by default. `strata` are the data sets of the units:
+    every draw has as many units of each as there are, and the data sets keep their shares in the mean.
     """
     values = np.asarray(sums, dtype=np.float64)
     numbers = np.ones_like(values) if counts is None else counts
@@ -258,7 +161,7 @@ def bootstrap(
 
 @lru_cache(maxsize=4)
 def _draw_stratum(count: int, columns: int, label: int) -> FloatArray:
-    """Draw the units of a stratum; the random numbers are those of the size."""
+    """Draw the units of a stratum, by random numbers keyed by its size."""
     return draw_weights(count, RESAMPLES, "bootstrap", count, columns, *([label] if label else []))
 
 
@@ -278,7 +181,7 @@ def signed_rank(one: ArrayLike, other: ArrayLike) -> float:
 
 
 def _compare_with_best(values: FloatArray | BoolArray, test: Test, best: int | None = None) -> list[float]:
-    """P of each column's difference from the best, or from a given one, adjusted by Holm; 1 for that one."""
+    """Return adjusted p of each column's difference from the best or a given one; 1 for that one."""
     first = int(np.argmax(values.mean(axis=0))) if best is None else best
     others = [i for i in range(values.shape[1]) if i != first]
     found = dict(zip(others, holm([test(values[:, first], values[:, i]) for i in others]), strict=True))
@@ -294,8 +197,8 @@ def rank_methods(trials: pd.DataFrame) -> list[Rank]:
     Parameters
     ----------
     trials : DataFrame
-        Rows of `load(path, "matches")` of one set and one number of threads; problems without a right answer
-        and methods that no problem had the fields for are left out, and so is what not all methods have.
+        Rows of `load(path, "matches")` of one set and one number of threads. Problems without a correct pose,
+        problems that not all methods have, and methods whose fields all problems lack are left out.
 
     Returns
     -------
@@ -337,10 +240,9 @@ def rank_methods(trials: pd.DataFrame) -> list[Rank]:
 
 
 def comparable(trials: pd.DataFrame) -> pd.DataFrame:
-    """Keep the problems that have an answer, and methods that could be run on one.
+    """Return problems that have a correct pose, and methods that could be run on one.
 
-    A pair without a single right match stays: its matches are what the front end left of it, and no
-    method registers it.
+    A pair without a correct match stays: the front end lost it, and no method registers it.
     """
     related = trials[trials["kind"] == "related"]
     lacking = related["skipped"].str.startswith("needs ")
@@ -348,7 +250,7 @@ def comparable(trials: pd.DataFrame) -> pd.DataFrame:
 
 
 def _by_problem(rows: pd.DataFrame, column: str) -> pd.DataFrame:
-    """One row per problem and one column per method, in their order; problems that all methods have."""
+    """Return one row per problem that all methods have, and one column per method."""
     table = rows.pivot_table(index="case", columns="method", values=column, aggfunc="first", sort=False)
     return table.dropna().reindex(columns=list(dict.fromkeys(rows["method"])))
 
@@ -357,36 +259,11 @@ def _by_problem(rows: pd.DataFrame, column: str) -> pd.DataFrame:
 
 
 def rank_overall(rows: pd.DataFrame, measures: Sequence[str]) -> list[Overall]:
-    """Rank what was run on the same pairs; synthetic ones stand apart.
+    """Rank methods over all pairs, by the first of several measures; synthetic pairs are ranked apart.
 
-    Only cases that all ranked methods were run on count, and methods that were run on fewer than half as many
-    cases as others aren't ranked.
-
-    Parameters
-    ----------
-    rows : DataFrame
-        `dataset, pair, origin, case, method` and the measures, one row per case and method.
-    measures : sequence of str
-        Columns of numbers or flags, of which more is better; the first one ranks.
-
-    Returns
-    -------
-    list of Overall
-        At most one per kind, without those that have fewer than two methods.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> from cgroup.benchmark.stats import rank_overall
-    >>> rows = pd.DataFrame(
-    ...     {"pair": ["a", "b"] * 2, "method": ["gc"] * 2 + ["gtm"] * 2}
-    ... )
-    >>> rows = rows.assign(dataset="mine", case=rows["pair"], origin="real")
-    >>> (overall,) = rank_overall(
-    ...     rows.assign(f_score=[0.5, 0.6, 0.9, 0.8]), ["f_score"]
-    ... )
-    >>> round(overall.standings["f_score"]["gc"].interval.mean, 2)
-    0.55
+    `rows` has one row per case and method with `dataset, pair, origin, case, method` and the measures, of
+    which more is better. Only cases of all ranked methods count; a method with fewer than half as many cases
+    as others isn't ranked, and a kind with fewer than two methods is left out.
     """
     if rows.empty:
         return []
@@ -397,7 +274,7 @@ def rank_overall(rows: pd.DataFrame, measures: Sequence[str]) -> list[Overall]:
 
 
 def name_units(pairs: pd.DataFrame) -> list[str]:
-    """Name what is drawn with replacement for each pair: its object, or itself."""
+    """Return the unit of each pair: its object, or itself."""
     objects = [
         f"{dataset}:{pair.rpartition('/')[0]}" if "/" in pair and dataset != GeneratedMatches.name else ""
         for dataset, pair in zip(pairs["dataset"], pairs["pair"], strict=True)
@@ -446,7 +323,7 @@ def _rank_kind(kind: str, rows: pd.DataFrame, measures: tuple[str, ...]) -> Over
 
 
 def _by_case(rows: pd.DataFrame, measure: str) -> pd.DataFrame:
-    """One row per case, one column per method; 0 where it failed, NaN where it wasn't run."""
+    """Return one row per case, one column per method; 0 where it failed, NaN where it wasn't run."""
     filled = rows.assign(value=rows[measure].astype(float).fillna(0.0))
     return filled.pivot_table(
         index=["dataset", "pair", "case"], columns="method", values="value", aggfunc="first", sort=False
@@ -475,7 +352,7 @@ def _unit_means(values: FloatArray, of_unit: IndexArray) -> FloatArray:
 
 
 def _compare_all(values: FloatArray, methods: list[str]) -> dict[tuple[str, str], float]:
-    """P of the difference of any two columns, adjusted together, in both orders."""
+    """Return p of the differences of any two columns in both orders, adjusted together."""
     twos = list(itertools.combinations(range(len(methods)), 2))
     p = holm([signed_rank(values[:, one], values[:, other]) for one, other in twos])
     found: dict[tuple[str, str], float] = {}

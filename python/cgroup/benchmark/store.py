@@ -6,11 +6,10 @@ solvers and thresholds its sets ask for. Missing results follow from both.
 
 from __future__ import annotations
 
-import itertools
 import json
 import sqlite3
 from collections.abc import Generator, Iterable
-from contextlib import closing, contextmanager, suppress
+from contextlib import closing, contextmanager
 from dataclasses import astuple, fields, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -94,20 +93,16 @@ class Counts(NamedTuple):
     wanted: int
 
 
-class DamagedError(Exception):
-    """SQLite can't read the file, because its structure is damaged."""
-
-
 @contextmanager
 def report_failures(path: Path) -> Generator[None, None, None]:
-    """Turn SQLite's errors into `InputError` (full disk, failing device, foreign file) or `DamagedError`."""
+    """Turn SQLite's errors into `InputError`: full disk, failing device, damaged or foreign file."""
     try:
         yield
     except sqlite3.Error as error:
-        if "malformed" in str(error):
-            raise DamagedError(str(error)) from error
-        if "not a database" in str(error):
-            message = f"{path}: not a file of records ({error}); use another folder, or move the file away"
+        if "malformed" in str(error) or "not a database" in str(error):
+            message = (
+                f"{path}: damaged, or not a file of records ({error}); move it away, or use another folder"
+            )
         else:
             message = (
                 f"{path}: can't be read or written ({error}); finished results are kept: fix this, then run "
@@ -142,21 +137,6 @@ def foreign_records(path: Path) -> InputError:
         f"{path}: not a file of records of this version of cgroup; use the version that made it, or another "
         "folder"
     )
-
-
-def set_aside(path: Path) -> Path:
-    """Rename a damaged file, so that a run can start again; return its new path."""
-    names = (path.with_name(f"{path.stem}.damaged-{number}{path.suffix}") for number in itertools.count(1))
-    kept = next(name for name in names if not name.exists())
-    try:
-        path.replace(kept)
-        for suffix in ("-wal", "-shm"):  # otherwise SQLite takes them for those of the new file
-            with suppress(FileNotFoundError):
-                path.with_name(path.name + suffix).replace(kept.with_name(kept.name + suffix))
-    except OSError as error:
-        message = f"{path}: damaged, and can't be renamed ({error.strerror or error}); move it away"
-        raise InputError(message) from error
-    return kept
 
 
 def count_results(connection: sqlite3.Connection) -> dict[str, Counts]:
@@ -218,15 +198,11 @@ class Store:
             self._insert("plan_solvers", entry, solver.key, solver.label, place, known="ignore")
 
     def forget_failures(self) -> None:
-        """Delete results with an error."""
+        """Delete results with an error, and the matches of their problems."""
         with self.transaction():
+            failed = "select problem from results where error <> ''"
+            self.connection.execute(f"delete from matches where problem in ({failed})")
             self.connection.execute("delete from results where error <> ''")
-
-    def forget_matches(self, problem: str) -> None:
-        """Delete the matches of a problem and the results on them."""
-        with self.transaction():
-            for table in ("matches", "results"):
-                self.connection.execute(f"delete from {table} where problem = ?", (problem,))
 
     def counts(self) -> dict[str, Counts]:
         """Count done, failed and wanted results of each kind."""

@@ -5,25 +5,20 @@ from __future__ import annotations
 import functools
 import json
 import math
-import os
-import sqlite3
-from collections.abc import Generator, Sequence
-from contextlib import closing, contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from cgroup._checks.values import as_path
-from cgroup._runtime.sqlite import is_empty
+from cgroup.benchmark.means import add_scores, aggregate, exponents
 from cgroup.benchmark.problem import COMBINATIONS, Task
+from cgroup.benchmark.records import open_records, query, read_plan
 from cgroup.benchmark.results import ERRORS, unpack, unpack_mask, unpack_pose
-from cgroup.benchmark.solving import fit_exponent
-from cgroup.benchmark.store import RECORDS, RECORDS_LAYOUT, Counts, count_results, foreign_records
+from cgroup.benchmark.store import Counts, count_results
 from cgroup.datasets.generated_matches import GeneratedMatches, read_recipe
 from cgroup.errors import InputError
-from cgroup.evaluation.metrics import harmonic_mean, score_counts
 from cgroup.evaluation.protocols import PAPER_PROTOCOL, PROTOCOL_PREFIX, PROTOCOLS
 from cgroup.types import BoolArray, Correspondences, FloatArray
 
@@ -31,9 +26,6 @@ if TYPE_CHECKING:  # slow to load, and workers do without
     import pandas as pd
 
 __all__ = ["aggregate", "exponents", "load", "load_groups"]
-
-FITTED_FROM = 2000
-"""Exponents are fitted to sets of at least this many matches."""
 
 _ROWS = """
 select e.id as "set", e.definition, p.dataset, p.pair, p.origin, p.protocols, p.kind, p.other, p.nuisance,
@@ -50,9 +42,6 @@ _ORDERS = {"registration": "p.dataset, p.pair, p.kind, p.other"}
 _ORDER = "q.place, t.value"
 
 _TEXTS = ("protocols", "definition", "numbers")
-_FLOATS = ("level", "nms_radius", "voxel", "epsilon", "seconds")
-"""Columns of numbers that may all be missing."""
-
 _GROUPS: dict[str, Any] = {
     **dict.fromkeys(("n", "correct"), 0),
     **dict.fromkeys(("resolution", "pr", "overlap", "clutter", "occlusion"), math.nan),
@@ -170,7 +159,7 @@ def load(path: Path | str, kind: Task = "experiment") -> pd.DataFrame:
 
 def _load(path: Path, kind: Task) -> pd.DataFrame:
     """Read the rows of a kind, with columns for all measures and definitions of the sets."""
-    frame = _query(path, _ROWS + _ORDERS.get(kind, _ORDER), (kind,))
+    frame = query(path, _ROWS + _ORDERS.get(kind, _ORDER), (kind,))
     parse = functools.lru_cache(maxsize=64)(json.loads)  # definitions repeat
     protocols, definitions, numbers = ([parse(text) for text in frame.pop(name)] for name in _TEXTS)
     frame["seed"] = [int(seed) for seed in frame["seed"]]  # text, if too large for SQLite
@@ -269,27 +258,27 @@ def load_skips(path: Path) -> pd.DataFrame:
 
 def load_machines(path: Path) -> pd.DataFrame:
     """Return the machines that made results: `id, cpu, cores, system, python, numpy`."""
-    return _query(path, "select * from machines order by id")
+    return query(path, "select * from machines order by id")
 
 
 def load_datasets(path: Path) -> pd.DataFrame:
     """Return the facts about the data sets: `name, title, role, origin, citation`."""
-    return _query(path, "select * from datasets order by name")
+    return query(path, "select * from datasets order by name")
 
 
 def load_config(path: Path) -> dict[str, Any]:
     """Return the latest configuration as plain values, with defaults filled in."""
-    return _read_plan(path, "config")
+    return read_plan(path, "config")
 
 
 def load_missing(path: Path) -> dict[str, str]:
     """Return the reasons why data sets and pipelines are missing, by name."""
-    return _read_plan(path, "missing")
+    return read_plan(path, "missing")
 
 
 def load_counts(path: Path) -> dict[str, Counts]:
     """Count the results of each kind that the latest configuration asks for."""
-    with _open_records(path) as connection:
+    with open_records(path) as connection:
         return count_results(connection)
 
 
@@ -299,7 +288,7 @@ def load_failures(path: Path) -> list[tuple[str, str, int]]:
     select label, error, count(*) from wanted join results using (problem, solver, threads)
     where error <> '' group by label, error order by count(*) desc
     """
-    with _open_records(path) as connection:
+    with open_records(path) as connection:
         return connection.execute(statement).fetchall()
 
 
@@ -326,13 +315,27 @@ def load_groups(path: Path | str, case: str) -> tuple[Correspondences, FloatArra
     ------
     InputError
         As `load`, and if there are no results of the case.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from cgroup.benchmark.config import Config
+    >>> from cgroup.benchmark.run import run
+    >>> from cgroup.benchmark.tables import load, load_groups
+    >>> small = {"id": "small", "dataset": "generated-matches", "pairs": 2}
+    >>> config = Config(name="mine", methods=["gtm"], experiment=[small])
+    >>> _ = run(config, Path("results"), backend="threading")
+    >>> case = load(Path("results"))["case"].iloc[0]
+    >>> matches, pose, masks = load_groups(Path("results"), case)
+    >>> len(matches), pose.shape, list(masks)
+    (1000, (4, 4), ['gtm'])
     """
     statement = """
     select distinct l.label, mask, l.place from results r join plan_problems q using (problem)
         join plan_solvers l on l.entry = q.entry and l.solver = r.solver
     where r.problem = ? and r.error = '' and mask is not null order by l.place
     """
-    with _open_records(path) as connection:
+    with open_records(path) as connection:
         row = connection.execute("select content from matches where problem = ?", (case,)).fetchone()
         rows = connection.execute(statement, (case,)).fetchall()
     if row is None:
@@ -346,153 +349,3 @@ def load_groups(path: Path | str, case: str) -> tuple[Correspondences, FloatArra
     assert found.truth is not None  # noqa: S101 - pairs of experiments are related
     masks = {label: unpack_mask(mask, len(found.matches)) for label, mask, _ in rows}
     return found.matches, found.truth, masks
-
-
-# --- means -----------------------------------------------------------------------------------------
-
-
-def add_scores(frame: pd.DataFrame) -> None:
-    """Add the columns that follow from the counts `n, correct, selected, selected_correct`."""
-    counts = (frame[name].astype("float64") for name in ("n", "correct", "selected", "selected_correct"))
-    for name, values in score_counts(*counts)._asdict().items():
-        frame[name] = values
-
-
-def aggregate(
-    frame: pd.DataFrame, by: Sequence[str], how: Literal["macro", "pooled", "median"] = "macro"
-) -> pd.DataFrame:
-    """Return means over pairs.
-
-    Parameters
-    ----------
-    frame : DataFrame
-        Experiments from `load`; rows with an error are left out.
-    by : sequence of str
-        Columns to group by.
-    how : {"macro", "pooled", "median"}
-        Mean or median over the pairs with equal weights, or the scores of all matches as one set.
-
-    Returns
-    -------
-    DataFrame
-        The columns of `by`, the number of `pairs`, `n`, `correct`, `inlier_ratio`, `precision, recall,
-        f_score`, `f_of_means` (of mean precision and recall), the shares `registered` and of each protocol
-        (of the pairs to which it applies), and `seconds`. Shares are means for every `how`.
-
-    Raises
-    ------
-    InputError
-        If `how` is none of the three.
-    KeyError
-        For results that lack a column.
-
-    Examples
-    --------
-    >>> from pathlib import Path
-    >>> from cgroup.benchmark.config import Config
-    >>> from cgroup.benchmark.run import run
-    >>> from cgroup.benchmark.tables import aggregate, load
-    >>> small = {"id": "small", "dataset": "generated-matches", "pairs": 2}
-    >>> config = Config(name="mine", methods=["gtm"], experiment=[small])
-    >>> _ = run(config, Path("results"), backend="threading")
-    >>> means = aggregate(load(Path("results")), ["method"])
-    >>> means[["method", "pairs"]].values.tolist()
-    [['gtm', 2]]
-    """
-    if how not in {"macro", "pooled", "median"}:
-        message = f"how: got {how!r}; choose 'macro', 'pooled' or 'median'"
-        raise InputError(message)
-    protocols = [name for name in frame.columns if name.startswith(PROTOCOL_PREFIX)]
-    good = frame[frame["error"] == ""].astype(dict.fromkeys(["registered", *protocols], float))
-    groups = good.groupby(list(by), sort=True, dropna=False, observed=True)
-    scores = ["inlier_ratio", "precision", "recall", "f_score"]
-    result = groups[["n", "correct", *scores, "seconds"]].agg("median" if how == "median" else "mean")
-    if how == "pooled":
-        totals = groups[["n", "correct", "selected", "selected_correct"]].sum()
-        add_scores(totals)
-        result[scores] = totals[scores]
-    result["f_of_means"] = harmonic_mean(result["precision"], result["recall"])
-    result = result.join(groups[["registered", *protocols]].mean())
-    result.insert(0, "pairs", groups.size())
-    return result.reset_index()
-
-
-def exponents(timing: pd.DataFrame, *, threads: int = 1, least: int = FITTED_FROM) -> pd.DataFrame:
-    """Fit ``seconds ~ n^a`` to the median times of each method.
-
-    Parameters
-    ----------
-    timing : DataFrame
-        Times from `load`.
-    threads : int
-        Number of threads of the times.
-    least : int
-        Sets with fewer matches are left out.
-
-    Returns
-    -------
-    DataFrame
-        `method, exponent, sizes`: a, NaN for fewer than two sets, and the number of sets.
-
-    Raises
-    ------
-    KeyError
-        For times that lack a column.
-    """
-    import pandas as pd  # noqa: PLC0415 - slow to load, and workers do without
-
-    kept = timing[(timing["threads"] == threads) & (timing["n"] >= least)]
-    of_sets = kept.groupby(["method", "n"])["seconds"].median()
-    medians = [(method, of_sets[method]) for method in kept["method"].unique()]
-    rows = [(method, fit_exponent(list(times.index), list(times)), len(times)) for method, times in medians]
-    return pd.DataFrame(rows, columns=["method", "exponent", "sizes"])
-
-
-# --- the file --------------------------------------------------------------------------------------
-
-
-def _query(path: Path, statement: str, parameters: tuple[str, ...] = ()) -> pd.DataFrame:
-    import pandas as pd  # noqa: PLC0415 - slow to load, and workers do without
-
-    with _open_records(path) as connection:
-        cursor = connection.execute(statement, parameters)
-        columns = [column[0] for column in cursor.description]
-        frame = pd.DataFrame.from_records(cursor.fetchall(), columns=columns, coerce_float=True)
-    return frame.astype({name: float for name in _FLOATS if name in frame})
-
-
-def _read_plan(path: Path, column: str) -> Any:  # noqa: ANN401 - whatever the column holds
-    with _open_records(path) as connection:
-        row = connection.execute(f"select {column} from plan").fetchone()
-    if row is None:
-        raise _absent(path)
-    return json.loads(row[0])
-
-
-@contextmanager
-def _open_records(path: Path | str) -> Generator[sqlite3.Connection, None, None]:
-    """Open the results for reading; a run may write meanwhile."""
-    path = as_path("path", path)
-    file = path / RECORDS if path.is_dir() else path
-    if not file.exists() or not file.stat().st_size:
-        raise _absent(path)
-    # Also in a folder where SQLite can't make files of its own.
-    alone = not os.access(file.parent, os.W_OK) and not file.with_name(file.name + "-wal").exists()
-    address = f"{file.absolute().as_uri()}?mode=ro{'&immutable=1' if alone else ''}"
-    try:
-        with closing(sqlite3.connect(address, uri=True, timeout=30)) as connection:
-            if is_empty(connection):
-                raise _absent(path)
-            RECORDS_LAYOUT.check(connection, foreign_records(file))
-            yield connection
-    except sqlite3.Error as error:
-        message = (
-            f"{file}: not a file of records, or one that can't be read ({error}); the next run computes all "
-            "results again"
-        )
-        raise InputError(message) from error
-
-
-def _absent(path: Path) -> InputError:
-    file = path / RECORDS if path.is_dir() else path
-    return InputError(f"{file}: no records; make some with: cgroup benchmark run smoke --out {path}")

@@ -1,7 +1,7 @@
-"""The program of a worker process: it calls functions, and ends with the process that has started it.
+"""Program of a worker process, which calls functions and ends with its parent.
 
-Tasks come through its standard input and results go out through its former standard output, each as the
-length of a pickle and the pickle. Functions print to standard error.
+Tasks arrive by standard input and results leave by the former standard output, each as the length of a pickle
+and the pickle. Functions print to standard error.
 """
 
 from __future__ import annotations
@@ -13,11 +13,9 @@ import signal
 import struct
 import sys
 import threading
+from collections.abc import Callable
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
+from typing import Any
 
 ALL_CORES = 0
 """A number of threads."""
@@ -26,13 +24,13 @@ START = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
     "from cgroup.benchmark.worker import work; work(int(sys.argv[2]))"
 )
-"""Program of the process: it finds the same modules as its parent, and is told a number of cores."""
+"""Program of the process; its arguments are the parent's module path and a number of cores."""
 
 _LENGTH = struct.Struct("<Q")
 
 
 def work(cores: int) -> None:
-    """Call what comes in until the parent closes the pipe or is gone, on so many cores or `ALL_CORES`."""
+    """Run tasks on a number of cores, or `ALL_CORES`, until the parent closes the pipe or ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, which ends this process
     if cores != ALL_CORES and hasattr(os, "sched_setaffinity"):  # on Linux; TBB goes by it
         os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[:cores])
@@ -46,7 +44,7 @@ def work(cores: int) -> None:
 
 
 def make_ready(_function: Callable[..., Any]) -> None:
-    """Do nothing: once it is called, the process runs, and has imported what the function needs."""
+    """Do nothing; the call returns once the process has started and imported the function's module."""
 
 
 def write_message(write: Callable[[memoryview], int | None], value: object) -> None:
@@ -75,7 +73,7 @@ def _read_exactly(read: Callable[[int], bytes | None], length: int) -> bytes:
 
 
 def _take_pipes() -> tuple[int, int]:
-    """Keep both pipes from code that reads the standard input or prints."""
+    """Move both pipes away from code that reads the standard input or prints."""
     tasks, results = os.dup(0), os.dup(1)
     with open(os.devnull, "rb") as nothing:  # noqa: PTH123 - its number is needed
         os.dup2(nothing.fileno(), 0)
@@ -84,7 +82,7 @@ def _take_pipes() -> tuple[int, int]:
 
 
 def _read_tasks(tasks: int, waiting: queue.SimpleQueue[Any]) -> None:
-    """Pass tasks on; end the process when the pipe is closed, even in the midst of a task."""
+    """Pass tasks on; end the process when the pipe is closed, even during a task."""
     try:
         while True:
             waiting.put(read_message(lambda length: os.read(tasks, length)))
@@ -94,6 +92,6 @@ def _read_tasks(tasks: int, waiting: queue.SimpleQueue[Any]) -> None:
 
 
 def end_group(leader: int) -> None:
-    """End a worker with all processes that it has started."""
+    """End a worker and the processes that it started."""
     if sys.platform != "win32":
         os.killpg(leader, signal.SIGKILL)

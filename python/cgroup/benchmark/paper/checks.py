@@ -15,8 +15,8 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
+from cgroup.benchmark.means import FITTED_FROM
 from cgroup.benchmark.paper import EXPERIMENTS, GENERATED, PLACES
-from cgroup.benchmark.tables import FITTED_FROM
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

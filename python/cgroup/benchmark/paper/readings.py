@@ -19,7 +19,8 @@ from pydantic import BeforeValidator, Field
 
 from cgroup._checks.values import as_count
 from cgroup._runtime.progress import ignore_progress
-from cgroup.benchmark.config import Config, MethodEntry, Positive, Table, as_list
+from cgroup.benchmark.config import Config
+from cgroup.benchmark.entries import MethodEntry, Positive, Table, as_list
 from cgroup.benchmark.paper.claims import (
     CLAIMS,
     OUTCOMES,
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from cgroup.benchmark.config import ExperimentEntry
+    from cgroup.benchmark.entries import ExperimentEntry
     from cgroup.benchmark.paper.claims import Claim, Outcome, Verdict
 
 DEFAULT = "default"

@@ -1,21 +1,19 @@
-"""Ways to register two clouds, or many scans: cgroup's and those of other libraries."""
+"""Pipelines that register two clouds or many scans: cgroup's and those of other libraries."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 from cgroup.benchmark.pipelines import libraries, own, scene_solvers
 from cgroup.benchmark.pipelines.answer import Answer, Clouds
 from cgroup.benchmark.pipelines.scene_solvers import Scans, SceneAnswer
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
 __all__ = ["PIPELINES", "SCENE_SOLVERS", "Answer", "Clouds", "Scans", "SceneAnswer"]
 
 
 class PipelineInfo(NamedTuple):
-    """A built-in pipeline or solver: its function, the modules that it needs, and a title for people."""
+    """A built-in pipeline or solver: its function, the modules that it needs, and its title."""
 
     run: Callable[..., Any]
     needs: str

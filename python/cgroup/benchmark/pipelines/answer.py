@@ -1,33 +1,31 @@
-"""The input and the output of a pipeline."""
+"""Input and output of pipelines that register two clouds."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from cgroup.features import Viewpoint
-    from cgroup.types import FloatArray
+from cgroup.features import Viewpoint
+from cgroup.types import FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class Clouds:
-    """Two clouds to be registered.
+    """Two clouds to register.
 
     Attributes
     ----------
     source, target : (N,3) and (M,3) array of float64
         Whole clouds, in the same unit.
     source_viewpoint, target_viewpoint : (float, float, float) or None
-        Where the scanners stood; None where that isn't known.
+        Positions of the scanners; None where unknown.
     voxel : float
-        Edge length of the voxels that clouds are thinned out to.
+        Edge length of the voxels for downsampling.
     threads : int
-        Threads to compute on, for pipelines that can be told.
+        Number of threads.
     seed : int
-        For pipelines that draw random numbers.
+        Key of random numbers.
 
     Examples
     --------
@@ -52,16 +50,16 @@ class Clouds:
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """The answer of a pipeline on two clouds.
+    """The answer of a pipeline.
 
     Attributes
     ----------
     T_target_source : (4,4) array of float64 or None
-        Its pose; None where it finds none.
+        The pose; None without one.
     ok : bool
-        Whether it holds the pose to be right; pipelines without a rule for that always do.
+        Whether the pipeline accepts the pose; true for pipelines without such a rule.
     probability : float
-        That the pose is right, NaN where a pipeline doesn't say.
+        Probability that the pose is correct, NaN where not estimated.
     covariance : (6,6) array of float64 or None
         Of the pose, as `cgroup.registration.Registration.covariance`.
 

@@ -1,4 +1,4 @@
-"""Other libraries' ways to register: Open3D's and KISS-Matcher's; and small_gicp's refinement.
+"""Pipelines of other libraries: Open3D and KISS-Matcher; and the refinement by small_gicp.
 
 Open3D has the parameters of its tutorial on global registration, the others their defaults. Lim et al.:
 KISS-Matcher: Fast and robust point cloud registration revisited, ICRA 2025. Koide: small_gicp, Journal of
@@ -8,21 +8,18 @@ Open Source Software 2024.
 from __future__ import annotations
 
 import importlib
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from cgroup.benchmark.pipelines.answer import Answer
-
-if TYPE_CHECKING:
-    from cgroup._runtime.progress import StageClock
-    from cgroup.benchmark.pipelines.answer import Clouds
-    from cgroup.features import Viewpoint
-    from cgroup.types import FloatArray
+from cgroup._runtime.progress import StageClock
+from cgroup.benchmark.pipelines.answer import Answer, Clouds
+from cgroup.features import Viewpoint
+from cgroup.types import FloatArray
 
 ITERATIONS, CONFIDENCE = 100_000, 0.999
 REACH = 1.5
-"""Most distance of matched points in Open3D's RANSAC, in voxels."""
+"""Largest distance of matched points in Open3D's RANSAC, in voxels."""
 FAST_REACH = 0.5
 """The same in Open3D's FGR."""
 EDGE_SIMILARITY = 0.9
@@ -31,7 +28,7 @@ VOXEL = 0.3
 """KISS-Matcher refuses small voxels, and small_gicp's defaults are in m: clouds are scaled to this voxel."""
 
 LEAST_INLIERS = 5
-"""KISS-Matcher's examples hold a registration with fewer final inliers to have failed."""
+"""KISS-Matcher's examples reject registrations with fewer final inliers."""
 
 
 def open3d_ransac(clouds: Clouds, clock: StageClock) -> Answer:
@@ -121,7 +118,7 @@ def kiss_matcher(clouds: Clouds, clock: StageClock) -> Answer:
 
 
 def _split(matcher: Any, total: float) -> dict[str, float]:  # noqa: ANN401 - it has no types
-    """Split the time of a call into the stages that the library takes the times of."""
+    """Split the time of a call into the stages that the library times."""
     features = matcher.get_processing_time() + matcher.get_extraction_time()
     matching = matcher.get_matching_time()
     return {"features": features, "matching": matching, "pose": total - features - matching}

@@ -1,31 +1,26 @@
-"""cgroup's ways to register."""
+"""cgroup's pipelines."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cgroup import features
-from cgroup.benchmark.pipelines.answer import Answer
+from cgroup._runtime.progress import StageClock
+from cgroup.benchmark.pipelines.answer import Answer, Clouds
 from cgroup.errors import NoConsensusError
+from cgroup.features import Viewpoint
 from cgroup.group import group
 from cgroup.registration import DenseFront, PaperFront, correspond, register
 from cgroup.registration.prepare import NORMAL_NEIGHBORS, UNIT
-from cgroup.types import Correspondences
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from cgroup._runtime.progress import StageClock
-    from cgroup.benchmark.pipelines.answer import Clouds
-    from cgroup.features import Viewpoint
-    from cgroup.registration.search import Effort
-    from cgroup.types import FloatArray, RealArray
+from cgroup.registration.search import Effort
+from cgroup.types import Correspondences, FloatArray, RealArray
 
 
 def dense(clouds: Clouds, clock: StageClock, *, viewpoints: bool = True, effort: Effort = "normal") -> Answer:
-    """Run `register` with its dense front end; `viewpoints` says whether it is told those that are known."""
+    """Run `register` with its dense front end, with the known viewpoints unless `viewpoints` is false."""
     return _register(clouds, clock, viewpoints=viewpoints, effort=effort)
 
 
@@ -62,9 +57,9 @@ def matches(
     method: str = "lc",
     **options: Any,  # noqa: ANN401 - of the method
 ) -> Answer:
-    """Group matches, and take the group's pose, without a look at the surfaces.
+    """Return the pose of a group of matches, without verification on surfaces.
 
-    They are mutual matches of a dense front end, or those of the paper's evaluation.
+    Matches are the mutual ones of a dense front end, or those of the paper's evaluation.
     """
     correspondences = _match_voxels(clouds, clock) if front == "dense" else _match_keypoints(clouds, clock)
     clock.start("grouping")
@@ -109,7 +104,7 @@ def describe_voxels(
     normals: FloatArray | None = None,
     threads: int | None = None,
 ) -> tuple[features.Cloud, FloatArray, NDArray[np.float32]]:
-    """Return the voxels of a cloud, indexed and as points, and FPFH by normals on the side of those given."""
+    """Return the voxels of a cloud, indexed and as points, and their FPFH; normals agree with given ones."""
     voxels = features.voxel_downsample(points, voxel, normals=normals, threads=threads)
     cloud = features.Cloud(voxels.points)
     planes = features.normals(

@@ -1,4 +1,4 @@
-"""Ways to register many scans: cgroup's, Open3D's multiway registration, and KISS-Matcher's pairs with GNC.
+"""Pipelines for many scans: cgroup's, Open3D's multiway registration, and KISS-Matcher's pairs with GNC.
 
 Choi, Zhou, Koltun: Robust reconstruction of indoor scenes, CVPR 2015 (line process). Yang, Antonante,
 Tzoumas, Carlone: Graduated non-convexity for robust spatial perception, RA-L 2020, as in GTSAM.
@@ -8,22 +8,19 @@ from __future__ import annotations
 
 import importlib
 import itertools
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from cgroup._runtime.progress import StageClock
 from cgroup.benchmark.pipelines import libraries
 from cgroup.benchmark.pipelines.answer import Clouds
+from cgroup.registration.search import Effort
 from cgroup.rigid import invert
 from cgroup.scenes import register_all
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from cgroup._runtime.progress import StageClock
-    from cgroup.registration.search import Effort
-    from cgroup.types import FloatArray
+from cgroup.types import FloatArray
 
 ROTATION_SIGMA, TRANSLATION_SIGMA = 0.02, 1.0
 """Standard deviations of KISS-Matcher's poses, in radians and in voxels."""
@@ -32,23 +29,23 @@ PRUNED_BELOW = 0.25
 """Open3D's own threshold of the line process."""
 
 INLIER_WEIGHT = 0.5
-"""GNC's weights end near 0 or 1."""
+"""Limit of GNC's weights, which end near 0 or 1."""
 
 
 @dataclass(frozen=True, eq=False)
 class Scans:
-    """Scans to be registered.
+    """Scans to register.
 
     Attributes
     ----------
     points : sequence of (n,3) array of float64
-        Points of each scan in a frame of its own, all in one unit.
+        Points of each scan in its own frame, all in one unit.
     voxel : float
-        Edge length of the voxels that scans are thinned out to.
+        Edge length of the voxels for downsampling.
     threads : int
-        Threads to compute on, for solvers that can be told.
+        Number of threads.
     seed : int
-        For solvers that draw random numbers.
+        Key of random numbers.
 
     Examples
     --------
@@ -67,14 +64,14 @@ class Scans:
 
 @dataclass(frozen=True, eq=False)
 class SceneAnswer:
-    """The answer of a solver on many scans.
+    """The answer of a solver.
 
     Attributes
     ----------
     poses : (N,4,4) array of float64
-        Map each scan into the frame of its component.
+        Poses of the scans in the frames of their components.
     components : list of list of int
-        Rows of the scans that hang together.
+        Rows of connected scans.
     tried : int
         Pairs of scans that were registered.
 
@@ -102,14 +99,14 @@ class _Pair(NamedTuple):
 
 
 def own(scans: Scans, clock: StageClock, *, effort: Effort = "normal") -> SceneAnswer:
-    """Run `register_all`, told nothing but the voxel."""
+    """Run `register_all` with a given voxel."""
     clock.start("scene")
     found = register_all(scans.points, voxel=scans.voxel, effort=effort, threads=scans.threads)
     return SceneAnswer(found.poses, found.components, found.tried)
 
 
 def open3d_multiway(scans: Scans, clock: StageClock) -> SceneAnswer:
-    """Run FPFH and RANSAC on every pair, each uncertain, and Open3D's optimization with line process."""
+    """Run FPFH and RANSAC on every pair, and Open3D's optimization with line process."""
     o3d = importlib.import_module("open3d")
     registration = o3d.pipelines.registration
     clock.start("features")
@@ -152,7 +149,7 @@ def open3d_multiway(scans: Scans, clock: StageClock) -> SceneAnswer:
 
 
 def kiss_matcher_gnc(scans: Scans, clock: StageClock) -> SceneAnswer:
-    """Run KISS-Matcher on every pair, and GTSAM's GNC on those that it holds to be right."""
+    """Run KISS-Matcher on every pair, and GTSAM's GNC on the accepted poses."""
     gtsam = importlib.import_module("gtsam")
     pairs: list[_Pair] = []
     for source, target in itertools.combinations(range(len(scans.points)), 2):
@@ -178,7 +175,7 @@ def _graduate(
     poses: FloatArray,
     voxel: float,
 ) -> list[_Pair]:
-    """Optimize the poses of a component in place, in voxels; return the pairs that GNC keeps."""
+    """Optimize the poses of a component in place, in voxels; return the inlier pairs of GNC."""
 
     def scaled(pose: FloatArray, scale: float) -> FloatArray:
         moved = pose.copy()
@@ -208,7 +205,7 @@ def _count_pairs(scans: Scans) -> int:
 
 
 def _span(count: int, pairs: Iterable[_Pair]) -> tuple[FloatArray, list[list[int]]]:
-    """Poses along the tree of the heaviest pairs, and components, the largest first."""
+    """Return poses along the maximum spanning tree, and components, the largest first."""
     poses = np.tile(np.eye(4), (count, 1, 1))
     component = [[row] for row in range(count)]
     for source, target, pose, _ in sorted(pairs, key=lambda pair: -pair.weight):

@@ -1,4 +1,4 @@
-"""One self-contained page about a run: figures, tables, and the claims of the paper."""
+"""A self-contained page about a run, with figures, tables, and the claims of the paper."""
 
 from cgroup.benchmark.report.page import write_report
 

@@ -1,4 +1,4 @@
-"""``cgroup benchmark``: runs evaluations, and shows what came of them."""
+"""``cgroup benchmark``: runs evaluations and shows the results."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ _RECORDS = "Folder of the records and everything made from them."
 _OUT = folder("benchmark", _RECORDS, OUTPUT)
 _DATA = option(None, "FOLDER", "Folder with the data sets.", None, "$CGROUP_DATA")
 _FORMAT = choice("table", Format, "How to print them.", OUTPUT)
-_RETRY = flag("--retry-failed", "Try again what failed.", None)
+_RETRY = flag("--retry-failed", "Run failed problems again.", None)
 
 app = make_app(
     help="Run the paper's evaluation, draw its figures and check its claims.",
@@ -91,7 +91,7 @@ def _without_command(context: typer.Context) -> None:
 
 @contextmanager
 def _needs_extra() -> Generator[None, None, None]:
-    """Say which extra is missing, where a library of the benchmark is."""
+    """Turn a missing library into an `InputError` that names the extra."""
     try:
         yield
     except ModuleNotFoundError as missing:
@@ -107,8 +107,6 @@ def _needs_extra() -> Generator[None, None, None]:
 def _print_summary(document: Document) -> None:
     done, out = document["results"], document["options"]["out"]
     _print_counts(done)
-    if done["computed_anew"]:
-        print_line(f"computed anew  {done['computed_anew']}")
     print_line(f"took {_format_duration(done['seconds'])}; records are in {out}/")
     if done["failed"]:
         wanted = sum(count["wanted"] for count in done["counts"].values())
@@ -170,7 +168,7 @@ def run_command(
     ),
     as_json: bool = JSON,
 ) -> Document:
-    """Compute what a configuration asks for. Stopped and started again, it continues."""
+    """Compute the results of a configuration. A stopped run continues when started again."""
     from cgroup.benchmark.config import read_config, replace_methods  # noqa: PLC0415 - slow to load
     from cgroup.benchmark.run import run  # noqa: PLC0415
 
@@ -195,7 +193,6 @@ def run_command(
         "results": {
             "counts": {stage: count._asdict() for stage, count in summary.counts.items()},
             "left_out": summary.missing,
-            "computed_anew": summary.damaged,
             "failed": summary.failed,
             "seconds": time.monotonic() - start,
         },
@@ -204,7 +201,7 @@ def run_command(
 
 @contextmanager
 def _run_resumably(out: Path, *, quiet: bool) -> Generator[Callable[[str, int, int], None], None, None]:
-    """Show how far a run is, and where it is stopped, say how to go on, unless it is to be quiet."""
+    """Show the progress of a run, and print how to continue after a stop, unless `quiet`."""
     try:
         with stop_on_signals(), show_progress(counts=True) as progress:
             tasks: dict[str, TaskID] = {}
@@ -213,7 +210,7 @@ def _run_resumably(out: Path, *, quiet: bool) -> Generator[Callable[[str, int, i
                 if progress is None:
                     return
                 if stage not in tasks:
-                    # What earlier runs did says nothing of the speed of this one.
+                    # Earlier results don't count for the speed of this run.
                     tasks[stage] = progress.add_task(f"{_DONE[stage]:<14}", total=wanted, completed=done)
                 progress.update(tasks[stage], completed=done)
 
@@ -239,7 +236,7 @@ def _print_status(document: Document) -> None:
 @command(app, "status", "cgroup benchmark status --out smoke", show=_print_status)
 @_needs_extra()
 def status_command(out: Path = _OUT) -> Document:
-    """Show how far a run is, and what failed."""
+    """Show progress and failures of a run."""
     from cgroup.benchmark import tables  # noqa: PLC0415 - slow to load
 
     keys = ("method", "error", "times")
@@ -283,7 +280,7 @@ def _print_written(document: Document) -> None:
 @command(app, "report", "cgroup benchmark report --out smoke", show=_print_written)
 @_needs_extra()
 def report_command(*, out: Path = _OUT, data: Path | None = _DATA) -> Document:
-    """Write report.html, the figures and claims.md from the records."""
+    """Write report.html, the figures and claims.md."""
     check_folder(out)
     with show_stages() as begin:
         from cgroup.benchmark.report import write_report  # noqa: PLC0415 - slow to load
@@ -396,14 +393,14 @@ def rankings_command(
     as_json: bool = JSON,
     wide: bool = WIDE,
 ) -> Document | None:
-    """Print how grouping methods rank on matches."""
+    """Print rankings of grouping methods on matches."""
     from cgroup.benchmark import tables  # noqa: PLC0415 - slow to load
     from cgroup.benchmark.report import trials as report  # noqa: PLC0415
     from cgroup.benchmark.stats import rank_methods  # noqa: PLC0415
 
     trials = tables.load(out, "matches")
     if trials.empty:
-        message = f"{out}: no trials there; make some with: cgroup benchmark run matches --out {out}"
+        message = f"{out}: no trials; make some with: cgroup benchmark run matches --out {out}"
         raise InputError(message)
     if as_json:
         sets: dict[str, list[dict[str, Any]]] = {}
