@@ -400,14 +400,15 @@ def test_benchmark_run_and_status(tmp_path: Path, capsys: Capture) -> None:
     config = tmp_path / "own.toml"
     config.write_text(CLOUDS.replace('["a", "b"]', '["a", "broken"]'))
     out = succeed(capsys, "benchmark", "run", config, "--workers", 1)
-    assert "cases matched  2 of 4, 2 failed" in out
-    assert "2 of 12 failed; see: cgroup benchmark status" in out
+    assert "groupings      4 of 8, 4 failed" in out
+    assert "4 of 8 failed; see: cgroup benchmark status" in out
     out = succeed(capsys, "benchmark", "status")
-    assert "failed     2 x correspond: OSError: this pair is broken" in out
+    assert "failed     2 x gc: OSError: this pair is broken" in out
     out = succeed(capsys, "benchmark", "status", "--json")
     results = json.loads(out)["results"]
-    assert results["counts"]["correspond"] == {"done": 2, "failed": 2, "wanted": 4}
-    assert results["failures"] == [{"method": "", "error": "OSError: this pair is broken", "times": 2}]
+    assert results["counts"]["experiment"] == {"done": 4, "failed": 4, "wanted": 8}
+    failure = {"error": "OSError: this pair is broken", "times": 2}
+    assert results["failures"] == [{"method": method, **failure} for method in ("gc", "ss")]
 
 
 def test_benchmark_presets(capsys: Capture) -> None:
@@ -504,7 +505,7 @@ WRONG = [
     ("recognize --scene {scene}", "Missing argument"),
     ("recognize {stone} --scene {scene} --most 0", "most"),
     ("recognize {stone} --scene {scene} --voxel 1e9", "voxel"),
-    ("benchmark run nowhere.toml", "nowhere.toml: no configuration that can be read"),
+    ("benchmark run nowhere.toml", "nowhere.toml: neither a readable configuration"),
     ("benchmark run smoke --backend mpi", "--backend"),
     ("benchmark run smoke --workers 0", "--workers"),
     ("benchmark status --out nowhere", "nowhere: no records; make some"),

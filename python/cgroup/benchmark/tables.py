@@ -286,7 +286,7 @@ def load_failures(path: Path) -> list[tuple[str, str, int]]:
     """Return solver, error and number of failed results, most frequent first."""
     statement = """
     select label, error, count(*) from wanted join results using (problem, solver, threads)
-    where error <> '' group by label, error order by count(*) desc
+    where error <> '' group by label, error order by count(*) desc, label
     """
     with open_records(path) as connection:
         return connection.execute(statement).fetchall()
