@@ -663,7 +663,6 @@ def test_u3m_reads_the_list_beside_the_views(tmp_path: Path, views: MatchingPair
         ("b3r", "b3r", 54),
         ("b3r-clean", "b3r", 18),
         ("u3or", "u3or", 188),
-        ("u3or-dense", "u3or", 188),
         ("stanford", "stanford_views", 96),
         ("3dmatch", "threedmatch", 33),
         ("fgr", "fgr", 5),

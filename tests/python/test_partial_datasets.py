@@ -75,7 +75,6 @@ LAYOUTS = {
 }
 LAYOUTS["b3r"] = LAYOUTS["b3r-clean"]
 LAYOUTS["fgr-clouds"] = LAYOUTS["fgr"]
-LAYOUTS["u3or-dense"] = LAYOUTS["u3or"] | {"u3or/pcl/rs1.pcd": ""}
 
 REMOVED = [
     ("b3r-clean", "b3r/m/S1/S1_res.ply", ["scene1"]),
@@ -97,7 +96,6 @@ REMOVED = [
     ("corr", "corr/room/corr.txt", ["room"]),
     ("corr", "corr/street/7_fpfh_kpts_dst.txt", ["street/7"]),
     ("corr-three", "corr/b/8_2_top3.match", ["b/8-2"]),
-    ("u3or-dense", "u3or/models/T-rex_high.ply", ["rs1-T-rex", "rs2-T-rex", "rs2-chef"]),
 ]
 
 
@@ -165,16 +163,6 @@ def test_data_sets_without_any_whole_pair_are_not_there(name: str, files: str, t
         path.unlink()
     with pytest.raises(InputError, match="isn't there, but .* needs it; get it from"):
         open_dataset(name, tmp_path)
-
-
-@pytest.mark.parametrize("scan", ["u3or/pcl/rs1.pcd", "u3or/scenes/rs1.ply"])
-def test_dense_pairs_of_a_scene_need_its_models_or_both_scans(scan: str, tmp_path: Path) -> None:
-    lay_out(tmp_path, "u3or-dense")
-    (tmp_path / scan).unlink()
-    assert not open_dataset("u3or-dense", tmp_path).lacking_pairs()
-    (tmp_path / "u3or/models/T-rex_high.ply").unlink()
-    with pytest.raises(InputError, match="T-rex_high.ply: isn't there, but U3OR sampled densely needs it"):
-        open_dataset("u3or-dense", tmp_path)
 
 
 def test_a_long_list_is_cut(tmp_path: Path) -> None:

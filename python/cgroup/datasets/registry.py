@@ -19,7 +19,6 @@ from cgroup.datasets.stanford import StanfordViews
 from cgroup.datasets.threedmatch import ThreeDLoMatchTest, ThreeDMatch, ThreeDMatchTest
 from cgroup.datasets.u3m import U3M
 from cgroup.datasets.u3or import U3OR
-from cgroup.datasets.u3or_dense import U3ORDense
 from cgroup.errors import InputError
 
 DATASETS: dict[str, Callable[[Path | None], Dataset]] = {
@@ -28,7 +27,6 @@ DATASETS: dict[str, Callable[[Path | None], Dataset]] = {
         B3R,
         B3RClean,
         U3OR,
-        U3ORDense,
         U3M,
         StanfordViews,
         ThreeDMatch,

@@ -7,7 +7,6 @@ scenes, IEEE TPAMI 28(10), 2006.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -102,7 +101,7 @@ class U3OR(FileDataset[_Posed]):
         """Look at the posed models of a scene, with faces between neighbouring pixels."""
 
         def simulate() -> dict[str, object]:
-            image = self._look(number, self._mesh, PIXEL)
+            image = self._look(number)
             return {"points": image.points(), "faces": image.faces()}
 
         arrays = cached("u3or", [_SIMULATION, str(PIXEL), *self._content(number)], simulate)
@@ -145,16 +144,16 @@ class U3OR(FileDataset[_Posed]):
         files = [file for model, path in poses for file in (self._locate(self._model_places(model)), path)]
         return [file.read_bytes() for file in files]
 
-    def _look(self, number: int, make_mesh: Callable[[str], Mesh], pixel: float) -> RangeImage:
-        """Look at the models of a scene, each as the mesh that is made of it, posed as published."""
+    def _look(self, number: int) -> RangeImage:
+        """Scan the models of a scene, posed as published."""
         posed: list[Mesh] = []
         for model, path in self._poses_in(number).items():
-            posed.append(make_mesh(model).move(read_transform(path)))
+            posed.append(self._mesh(model).move(read_transform(path)))
             if posed[-1].vertices[:, 2].max() >= 0:
                 got = f"{path}: this pose puts the model behind the scanner"
                 message = f"{got}; it has to be model to scene, in mm"
                 raise InputError(message)
-        return range_image(merge(posed), step=pixel, offset=np.array([1.0, 1.0]), two_sided=True)
+        return range_image(merge(posed), step=PIXEL, offset=np.array([1.0, 1.0]), two_sided=True)
 
     def _mesh(self, model: str) -> Mesh:
         cloud = self.model(model)

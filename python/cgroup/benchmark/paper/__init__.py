@@ -11,7 +11,7 @@ PAPER_EPSILON = 5.0
 
 PLACES = {
     "B3R": ("b3r-clean", "b3r", "standin-full"),
-    "U3OR": ("u3or", "u3or-dense", "standin-clutter"),
+    "U3OR": ("u3or", "standin-clutter"),
     "U3M": ("u3m", "stanford", "standin-views"),
 }
 """Which data sets can speak for a data set of the paper; the first one with records does."""
