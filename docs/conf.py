@@ -17,7 +17,7 @@ DOCS = Path(__file__).parent
 sys.path.insert(0, str(DOCS))
 
 # Modules of this folder.
-from _site import examples, figures, links, mathjax, outside, progress, reference, tables  # noqa: E402
+from _site import claims, examples, figures, links, mathjax, outside, progress, reference, tables  # noqa: E402
 
 project = "cgroup"
 author = "The cgroup developers"
@@ -35,7 +35,7 @@ extensions = [
     "sphinx_design",
     "sphinx_gallery.gen_gallery",
 ]
-exclude_patterns = ["_generated/examples/*.*", "_generated/tables/*", "gallery/*.ipynb", "gallery/*.py"]
+exclude_patterns = ["_generated/examples/*.*", "_generated/paper/*", "_generated/tables/*", "gallery/*.ipynb", "gallery/*.py"]
 templates_path = ["_templates"]
 suppress_warnings = ["config.cache"]
 
@@ -68,6 +68,7 @@ add_module_names = False
 
 # Examples, pictures, tables and the pages of the interface are made when the site is built.
 tables.write(DOCS)
+claims.write(DOCS / "figures" / "measured", DOCS / "_generated" / "paper")
 examples.copy(DOCS.parent / "examples", DOCS / "_generated" / "examples")
 autosummary_generate = reference.write(DOCS / "reference")
 sphinx_gallery_conf = examples.gallery(DOCS / "_generated" / "examples", "gallery")

@@ -22,6 +22,7 @@ from cgroup.benchmark.entries import (
     TimingEntry,
     TrialsEntry,
 )
+from cgroup.benchmark.paper.readings import apply_readings
 from cgroup.benchmark.solver import Solver
 from cgroup.errors import InputError
 from cgroup.io._files import load_text
@@ -134,7 +135,7 @@ def read_config(source: str | Path) -> Config:
     Parameters
     ----------
     source : str or path
-        Name of a preset, or a TOML file.
+        Name of a preset, also with other readings of the paper (``"paper+gtm-20+mutual"``), or a TOML file.
 
     Returns
     -------
@@ -144,7 +145,7 @@ def read_config(source: str | Path) -> Config:
     Raises
     ------
     InputError
-        If there is no such file or preset, or with the key's path for the first error in it.
+        If there is no such file, preset or reading, or with the key's path for the first error in it.
 
     Examples
     --------
@@ -153,8 +154,12 @@ def read_config(source: str | Path) -> Config:
     >>> config.name, len(config.methods)
     ('smoke', 9)
     """
-    if str(source) in preset_names():
-        return parse_config(_PRESETS.joinpath(f"{source}.toml").read_text(encoding="utf-8"), str(source))
+    preset, *readings = str(source).split("+")
+    if preset in preset_names():
+        config = parse_config(_PRESETS.joinpath(f"{preset}.toml").read_text(encoding="utf-8"), preset)
+        if not readings:
+            return config
+        return Config.model_validate(apply_readings(config.model_dump(exclude_none=True), readings))
     path = Path(source)
     try:
         text = load_text(path)

@@ -18,7 +18,6 @@ from cgroup.cli.show.json import Document
 from cgroup.cli.show.tables import Column, print_table
 from cgroup.cli.show.terminal import (
     paint,
-    print_files,
     print_line,
     print_prose,
     print_text,
@@ -32,7 +31,6 @@ from cgroup.io._results import check_folder
 if TYPE_CHECKING:  # slow to load
     from rich.progress import TaskID
 
-    from cgroup.benchmark.paper.readings import ReadingOutcome
     from cgroup.benchmark.paper.verdicts import Verdict
     from cgroup.benchmark.report.cells import Table
 
@@ -44,7 +42,6 @@ _DONE = {
     "registration": "registrations",
     "scenes": "scenes",
     "matches": "trials",
-    "judge": "readings judged",
 }
 """Names of the results of each kind."""
 
@@ -54,11 +51,6 @@ _CLAIMS = (
     Column("verdict", is_text=True),
     Column("resamples", is_text=True),
     Column("the paper says", is_text=True),
-)
-_READINGS = (
-    Column("reading", is_text=True),
-    *(Column(name) for name in ("confirmed", "partly", "not", "moved", "better", "worse")),
-    Column("what is changed", is_text=True, priority=1),
 )
 _FAILURES_SHOWN = 10
 _INDENT = " " * 15
@@ -437,105 +429,3 @@ def _print_tables(title: str, label: str, tables: Iterable[Table], *, wide: bool
         rows = [[cell.text for cell in row] for row in table.rows]
         best = {(at, to) for at, row in enumerate(table.rows) for to, cell in enumerate(row) if cell.best}
         print_table(columns, rows, best=best, wide=wide)
-
-
-# --- readings ------------------------------------------------------------------------------------
-
-
-def _print_readings(document: Document, *, wide: bool) -> None:
-    """Print how many claims are confirmed under each reading."""
-    found = document["results"]
-    rows = [
-        (
-            reading["name"],
-            *(str(reading["counts"][verdict]) for verdict in ("confirmed", "partly", "not confirmed")),
-            str(reading["moved"]),
-            *(str(len(reading[change])) for change in ("better", "worse")),
-            reading["label"],
-        )
-        for reading in found["readings"]
-    ]
-    print_table(_READINGS, rows, wide=wide)
-    print_prose(
-        "moved: claims of which a number is another than by default; better, worse: of which the verdict is"
-    )
-    print_prose(f"by default, {found['counted']}")
-    _print_left_out(found["left_out"])
-    print_files(document)
-    if found["failed"]:
-        out = document["options"]["out"]
-        print_line(f"{found['failed']} failed; see: cgroup benchmark status --out {out}")
-
-
-@command(
-    app,
-    "readings",
-    "cgroup benchmark readings --data ~/data --out readings",
-    "cgroup benchmark readings --data ~/data --out readings --only gtm,mutual",
-    show=_print_readings,
-)
-@_needs_extra()
-def readings_command(
-    config: str = argument(
-        "CONFIG",
-        "What is repeated for every reading: TOML file, or a preset.",
-        "readings",
-        autocompletion=complete_presets,
-    ),
-    *,
-    data: Path | None = _DATA,
-    out: Path = folder("readings", _RECORDS, OUTPUT),
-    only: str | None = option(None, "NAMES", "Readings or questions, with commas between.", None, "all"),
-    resamples: int = option(200, "COUNT", "Draws of the pairs that show how sure a verdict is.", None, min=1),
-    workers: int | None = option(None, "COUNT", "How many workers.", None, "one per core", min=1),
-    retry_failed: bool = _RETRY,
-    as_json: bool = JSON,
-) -> Document:
-    """Read what the paper leaves open in other ways, one at a time, and check its claims each time.
-
-    Stopped and started again, it continues.
-    """
-    from cgroup.benchmark import tables  # noqa: PLC0415 - slow to load
-    from cgroup.benchmark.config import read_config  # noqa: PLC0415
-    from cgroup.benchmark.paper import readings as reading  # noqa: PLC0415
-    from cgroup.benchmark.paper.reading_tables import write_readings  # noqa: PLC0415
-    from cgroup.benchmark.paper.verdicts import counts_line  # noqa: PLC0415
-    from cgroup.benchmark.run import run  # noqa: PLC0415
-
-    readings = reading.list_readings(None if only is None else [name.strip() for name in only.split(",")])
-    wanted = reading.add_readings(read_config(config), readings)
-    check_folder(out)
-    with _run_resumably(out, quiet=as_json) as report:
-        summary = run(wanted, out, root=data, workers=workers, retry_failed=retry_failed, progress=report)
-        loaded = tables.load(out), tables.load(out, "timing")
-        outcomes = reading.judge_readings(*loaded, readings, root=data, resamples=resamples, progress=report)
-    return {
-        "options": {"config": config, "out": out, "only": only, "resamples": resamples},
-        "results": {
-            "counted": counts_line(list(outcomes[0].verdicts.values())),
-            "left_out": summary.missing,
-            "failed": summary.failed,
-            "readings": [_list_outcome(outcome) for outcome in outcomes],
-        },
-        "files": write_readings(out, outcomes),
-    }
-
-
-def _list_outcome(outcome: ReadingOutcome) -> dict[str, Any]:
-    claims = {
-        claim: {
-            **{name: getattr(verdict, name) for name in ("verdict", "held", "tests", "measured")},
-            "moved": claim in outcome.moved,
-            "close": outcome.is_close(claim),
-        }
-        for claim, verdict in outcome.verdicts.items()
-    }
-    return {
-        "name": outcome.name,
-        "label": outcome.label,
-        "counts": outcome.counts,
-        "moved": len(outcome.moved),
-        "better": outcome.better,
-        "worse": outcome.worse,
-        "claims": claims,
-    }
