@@ -35,7 +35,10 @@ extensions = [
     "sphinx_design",
     "sphinx_gallery.gen_gallery",
 ]
-exclude_patterns = ["_generated/examples/*.*", "_generated/paper/*", "_generated/tables/*", "gallery/*.ipynb", "gallery/*.py"]
+exclude_patterns = [
+    *("_generated/examples/*.*", "_generated/paper/*", "_generated/tables/*"),
+    *("gallery/*.ipynb", "gallery/*.py"),
+]
 templates_path = ["_templates"]
 suppress_warnings = ["config.cache"]
 

@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
+from cgroup.benchmark.paper.claims import CLAIMS, CRITERIA
 from cgroup.benchmark.paper.readings import read_questions
+from cgroup.benchmark.paper.verdicts import read_explanations
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -20,8 +22,10 @@ def write(measured: Path, folder: Path) -> None:
     """Write the tables below docs/_generated, from the files of docs/figures/measured."""
     folder.mkdir(parents=True, exist_ok=True)
     tables = {
+        "criteria": CRITERIA,
         "questions": question_table(),
         "readings": reading_table(_load(measured / "readings.csv")),
+        "verdicts": verdict_table(_load(measured / "verdicts.csv")),
     }
     for name, table in tables.items():
         (folder / f"{name}.md").write_text(table, encoding="utf-8")
@@ -45,6 +49,21 @@ def reading_table(measured: pd.DataFrame) -> str:
     """Return the number of claims by verdict under every reading, and the claims that it changes."""
     columns = ["reading", "confirmed", "partly", "not", "better", "worse"]
     return _markdown(columns, measured[columns].itertuples(index=False))
+
+
+def verdict_table(measured: pd.DataFrame) -> str:
+    """Return the claims with their tests, measured verdicts, and explanations."""
+    why, found = read_explanations(), measured.set_index("claim")
+    rows = [
+        (
+            f"**{claim.id}** {claim.statement} *Test: {claim.criterion}*",
+            found.loc[claim.id, "verdict"],
+            found.loc[claim.id, "measured"] + (f" **Why:** {why[claim.id]}" if claim.id in why else ""),
+            found.loc[claim.id, "data"],
+        )
+        for claim in CLAIMS
+    ]
+    return _markdown(("claim", "verdict", "measured", "data"), rows)
 
 
 def _load(path: Path) -> pd.DataFrame:

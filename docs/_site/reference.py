@@ -140,7 +140,6 @@ GROUPS: dict[str, dict[str, str]] = {
     },
     "cgroup.benchmark.paper.claims": {
         "The paper's claims": "check_claims CLAIMS Claim Verdict Outcome OUTCOMES CRITERIA",
-        "How sure verdicts are": "bootstrap_verdicts Stability RESAMPLES",
     },
 }
 

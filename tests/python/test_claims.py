@@ -12,21 +12,16 @@ from benchmark_frames import paper_frame, paper_timing
 from claim_contradictions import CONTRADICTIONS, Contradiction
 from scipy import stats
 
-from cgroup.benchmark.paper.checks import (
-    Check,
-    Comparison,
-    Numbers,
-    Row,
-    compare_rankings,
-    correlate_with_levels,
-    in_top,
-    rank,
-)
+from cgroup.benchmark.paper.checks import Check, Comparison, in_top
 from cgroup.benchmark.paper.claims import CLAIMS, CRITERIA, OUTCOMES, Claim, Verdict, check_claims, decide
 from cgroup.benchmark.paper.evidence import Evidence
+from cgroup.benchmark.paper.numbers import Numbers, Row, rank
+from cgroup.benchmark.paper.table import make_table
 from cgroup.benchmark.paper.verdicts import as_markdown, count_verdicts, counts_line, read_explanations
+from cgroup.benchmark.paper.words import compare_rankings, correlate_with_levels
 
 NO_TIMES = pd.DataFrame()
+NOTHING = make_table(Evidence(pd.DataFrame(), pd.DataFrame()))
 
 
 @cache
@@ -36,7 +31,7 @@ def verdicts() -> dict[str, Verdict]:
 
 def outcome(claim_id: str, frame: pd.DataFrame, timing: pd.DataFrame = NO_TIMES) -> Verdict:
     claim = next(each for each in CLAIMS if each.id == claim_id)
-    return decide(claim, Evidence(frame, timing))
+    return decide(claim, make_table(Evidence(frame, timing)))
 
 
 def test_every_claim_is_there_once_in_order() -> None:
@@ -140,7 +135,7 @@ def test_gaps_in_the_records_do_not_count() -> None:
 def test_share_of_tests_decides(holding: int, need: str, expected: str) -> None:
     tests = [Comparison(k < holding, "text", 0.0) for k in range(4)]
     claim = Claim("C-00", "6", "Something.", Check("something", lambda _: tests, need))
-    assert decide(claim, Evidence(pd.DataFrame(), pd.DataFrame())).verdict == expected
+    assert decide(claim, NOTHING).verdict == expected
 
 
 def test_numbers_that_are_missing_do_not_count() -> None:
@@ -149,7 +144,7 @@ def test_numbers_that_are_missing_do_not_count() -> None:
         Comparison(holds=False, text="b", margin=float("nan")),
     ]
     claim = Claim("C-00", "6", "Something.", Check("something", lambda _: tests))
-    assert decide(claim, Evidence(pd.DataFrame(), pd.DataFrame())).verdict == "confirmed"
+    assert decide(claim, NOTHING).verdict == "confirmed"
 
 
 def test_ties_count_for_the_best() -> None:
@@ -158,8 +153,8 @@ def test_ties_count_for_the_best() -> None:
     [first, last] = in_top({"a": 1, "c": 2}, numbers).find(None)
     assert first.holds
     assert not last.holds
-    assert rank(scores, "a") == 1
-    assert rank(scores, "c") == 3
+    [row] = rank(numbers).find(None, ())
+    assert dict(row.scores) == {"a": 1, "b": 1, "c": 3}
 
 
 def test_rank_statistics_of_constant_values() -> None:
@@ -209,7 +204,7 @@ BY_ID = {claim.id: claim for claim in CLAIMS}
 def check_on_contradiction(claim_id: str, contradiction: Contradiction) -> Verdict:
     frame = reduce(lambda rows, change: change(rows), contradiction.records, paper_frame())
     timing = reduce(lambda rows, change: change(rows), contradiction.times, paper_timing())
-    return decide(BY_ID[claim_id], Evidence(frame, timing))
+    return decide(BY_ID[claim_id], make_table(Evidence(frame, timing)))
 
 
 def test_every_claim_has_records_that_agree_and_records_that_contradict() -> None:

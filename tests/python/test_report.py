@@ -267,23 +267,6 @@ def test_every_claim_is_a_row(written: tuple[Path, Page, str]) -> None:
     assert (out / "claims.md").read_text(encoding="utf-8").startswith("# Claims of the paper")
 
 
-def test_close_verdicts_are_marked(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    draw_no_figures(monkeypatch)
-    frame = paper_frame("noise")
-    # Of three pairs one has few correct matches: where it is drawn twice, the mean is below a half.
-    few = (frame["pair"] == "scene0") & (frame["level"] == 0.05)
-    frame = frame.assign(inlier_ratio=frame["inlier_ratio"].where(~few, 0.4))
-    _, text = write(monkeypatch, tmp_path, results(frame, pd.DataFrame()))
-    told = re.findall(
-        r"confirmed \((\d+) %(, close)?\)", (tmp_path / "claims.md").read_text(encoding="utf-8")
-    )
-    assert re.findall(r"the same in (\d+) % of the draws", text) == [share for share, _ in told]
-    assert text.count(" data-close>") == sum(bool(close) for _, close in told) == 1
-    # In the filter and beside the claim; section 4.3 has no experiment of its own.
-    assert text.count('class="badge close"') == 2
-    assert "Pairs were drawn anew 200 times" in text
-
-
 def test_experiments_of_ones_own_have_a_section(written: tuple[Path, Page, str]) -> None:
     _, page, text = written
     assert any(heading.startswith("variants: stanford") for heading in page.headings)

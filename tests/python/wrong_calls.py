@@ -51,7 +51,6 @@ def find_open3d_missing(iss: Callable[..., Any]) -> object:
         return iss(PROBLEM.source, backend="open3d")
 
 
-PAPER = "cgroup.benchmark.paper"
 WRONG_CALLS: dict[str, list[Callable[[Any], Any]]] = {
     "cgroup.Grouping.transform": [given(cgroup.nnsr([0.5])), given(cgroup.gtm(np.eye(3)[:2], np.eye(3)[:2]))],
     "cgroup.Grouping.explain": [given(cgroup.nnsr([0.5]), 1)],
@@ -133,8 +132,6 @@ WRONG_CALLS: dict[str, list[Callable[[Any], Any]]] = {
     "cgroup.scenes.PoseGraph.write": [given(PoseGraph([], [], [], []), "graph.txt")],
     "cgroup.scenes.PoseGraph.optimize": [given(PoseGraph([], [], [], []), start="nonsense")],
     "cgroup.scenes.PoseGraph.covariance": [given(PoseGraph([], [], [], []), 0)],
-    f"{PAPER}.claims.check_claims": [given(pd.DataFrame(), pd.DataFrame(), resamples=-1)],
-    f"{PAPER}.claims.bootstrap_verdicts": [given(pd.DataFrame(), pd.DataFrame(), resamples=0)],
     "cgroup.benchmark.stats.rank_methods": [given(pd.DataFrame())],
     "cgroup.benchmark.report.write_report": [given(NOWHERE)],
 }

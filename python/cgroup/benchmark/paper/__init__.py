@@ -91,3 +91,6 @@ PAPER_COMPLEXITY = {
     "gtm": "n²",
 }
 """The paper's table of complexities, section 5.3."""
+
+CHAINED = ("gc+ransac", "gtm+ransac", "ransac")
+"""Methods of `VARIANTS` that a claim compares, on the cases that all of them were run on."""

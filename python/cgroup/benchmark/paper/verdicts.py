@@ -1,59 +1,46 @@
-"""How the tests of a claim become a verdict, how sure it is, and verdicts as tables."""
+"""Verdicts on claims, and their tables."""
 
 from __future__ import annotations
 
 import sys
 from collections import Counter
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
-from math import floor
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
-from cgroup.benchmark.paper.checks import NotTestableError, Witness
+from cgroup.benchmark.paper.checks import Check, Comparison
+from cgroup.benchmark.paper.table import ClaimTable, NotTestableError, Witness
 
 if sys.version_info >= (3, 11):
     import tomllib
 else:
     import tomli as tomllib  # pyright: ignore[reportMissingImports] - on Python 3.10 only
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-
-    from cgroup.benchmark.paper.checks import Check, Comparison
-    from cgroup.benchmark.paper.evidence import Evidence
 
 Outcome: TypeAlias = Literal["confirmed", "partly", "not confirmed", "not testable"]
 
 OUTCOMES: tuple[Outcome, ...] = ("confirmed", "partly", "not confirmed", "not testable")
 
-CLOSE = 0.1
-"""A verdict is close if it changes in a larger share of the resamples."""
-
 CRITERIA = """\
-Every claim is taken apart into tests that hold or don't: one per level, per method, or per pair of
-methods, as its statement says. The same rules serve all claims.
+A claim is split into tests that hold or fail: one per level, per method, or per pair of methods, as its
+statement requires. All claims share these rules.
 
-- Precision, recall, F and registration rate are means over pairs (macro), failed records left out.
-  A statement that names no levels is tested on the mean over all of them.
-- A difference within 0.01 is a tie. "Best", "second" and "among the top" tolerate ties: X is among the
-  top k if fewer than k others are better by more than 0.01. "Higher", "lower", "grows" and "falls" need a
-  difference of more than 0.01. Times within 5 % are a tie.
-- A statement about all cases is confirmed if all tests hold; one that says "most" or "generally", if more
-  than half do. It holds partly if at least half of the tests that it needs do: half, or a quarter.
+- Precision, recall, F and registration rate are means over pairs (macro), without failed records.
+  A statement that names no level is tested on the mean over all levels.
+- Scores within 0.01 and times within 5 % are a tie. "Best", "second" and "among the top" tolerate ties: X is
+  among the top k if fewer than k others are better by more than a tie. "Higher", "lower", "grows" and
+  "falls" need a difference of more than a tie.
 - "Large gap" means more than 0.1, "clear" more than 0.05, "rarely" at most 10 %, "usually" more than half,
   "far fewer" and "far less" at most half.
-- "From the lowest to the highest level" are those in the records. A level that a statement names has to
-  be there, or the statement isn't testable; so has every method that it is about.
-- Registration is the paper's: precision above 0.1.
-- A claim isn't testable on generated shapes, which aren't what the paper measured, not even where they speak
-  for one of several data sets; what comes out on them is quoted.
-- A verdict is close if it changes in more than 10 % of the resamples, which are 200 by default. A resample
-  draws the pairs of each data set with replacement, and of the times the repeats; resamples in which a claim
-  isn't testable are left out.
+- A claim is confirmed if all tests hold; if it states "most" or "generally", if more than half do. It is
+  confirmed in part if at least half of these hold: half of the tests, or a quarter.
+- A claim isn't testable without a method or a level that its statement names, nor on generated shapes, which
+  the paper didn't measure. The results on generated shapes are quoted.
 """
-"""How verdicts come about; printed above every table of them."""
+"""Rules of the verdicts; printed above every table of them."""
 
 ON_GENERATED = "generated shapes aren't what the paper measured"
 """Begins the measured text of claims whose verdict would rest on them."""
@@ -62,86 +49,23 @@ _FAILING_SHOWN, _HOLDING_SHOWN = 4, 2  # tests quoted in the text of a verdict
 
 
 @dataclass(frozen=True)
-class Stability:
-    """What a verdict is on other draws of the same pairs.
-
-    Attributes
-    ----------
-    share : float
-        Of the resamples in which the claim is testable, those with the verdict that all pairs give; 0 where
-        there are none.
-    close : bool
-        Whether the verdict changes in more than 10 % of them.
-    counts : dict of str to int
-        Resamples by verdict; not testable are those in which a level has lost all its pairs.
-
-    Examples
-    --------
-    >>> from cgroup.benchmark.paper.claims import Stability
-    >>> Stability.of(
-    ...     "partly", {"partly": 150, "confirmed": 30, "not testable": 20}
-    ... ).close
-    True
-    """
-
-    share: float
-    close: bool
-    counts: dict[Outcome, int]
-
-    @classmethod
-    def of(cls, outcome: Outcome, counts: Mapping[Outcome, int]) -> Stability:
-        """Compare the verdicts of resamples with that of all pairs.
-
-        Parameters
-        ----------
-        outcome : str
-            On all pairs.
-        counts : mapping of str to int
-            Resamples by verdict.
-
-        Returns
-        -------
-        Stability
-            With all four kinds of verdicts counted.
-
-        Examples
-        --------
-        >>> from cgroup.benchmark.paper.claims import Stability
-        >>> Stability.of("confirmed", {"confirmed": 195, "partly": 5}).share
-        0.975
-        """
-        tested = sum(count for each, count in counts.items() if each != "not testable")
-        same = counts.get(outcome, 0)
-        share = same / tested if tested else 0.0
-        close = tested - same > CLOSE * tested or not tested
-        return cls(share, close, {each: counts.get(each, 0) for each in OUTCOMES})
-
-    def __str__(self) -> str:
-        """Return the share in percent, and whether the verdict is close."""
-        return f"{floor(100 * self.share + 1e-9)} %" + (", close" if self.close else "")
-
-
-@dataclass(frozen=True)
 class Verdict:
-    """What the records say about a claim.
+    """Result of testing a claim on the records.
 
     Attributes
     ----------
     id, paper_section, statement, criterion : str
         Of the claim.
     verdict : {"confirmed", "partly", "not confirmed", "not testable"}
-        What the tests of the claim come to.
+        The outcome of its tests.
     measured : str
-        The numbers; what is missing, where it isn't testable.
+        The numbers; the missing records if it isn't testable.
     data : str
         Data sets used, with the origin of their pairs.
     explanation : str
-        Why it came out so on this data, where somebody has found out.
+        Why it came out so on this data, if that is known.
     held, tests : int
-        How many of the tests that count hold, and how many there are; 0 where the claim isn't testable.
-    stability : Stability, optional
-        What the verdict is on other draws of the pairs, where they have been tried; None for a claim that
-        isn't testable.
+        Number of tests that hold, and of all tests; 0 if the claim isn't testable.
 
     Examples
     --------
@@ -162,25 +86,24 @@ class Verdict:
     explanation: str = ""
     held: int = 0
     tests: int = 0
-    stability: Stability | None = None
 
 
 class Tally(NamedTuple):
-    """What the tests of a claim come to: the outcome, how many of the tests hold, and those that count."""
+    """Outcome of the tests of a claim, the number of tests that hold, and the tests with numbers."""
 
     outcome: Outcome
     held: int
     counted: list[Comparison]
 
 
-def judge(check: Check, evidence: Evidence) -> dict[str, Any]:
-    """Find what the records say about a claim: the fields of its `Verdict` that depend on them."""
-    witness = Witness(evidence)
+def judge(check: Check, table: ClaimTable) -> dict[str, Any]:
+    """Test a claim; return the fields of its `Verdict` that depend on the records."""
+    witness = Witness(table)
     outcome: Outcome = "not testable"
     held = tests = 0
     try:
         tally = count_tests(check.find(witness), check.need)
-        measured = _quote(tally.counted, check.summarize(witness))
+        measured = _quote(tally.counted)
     except NotTestableError as missing:
         measured = str(missing)
     else:
@@ -194,7 +117,7 @@ def judge(check: Check, evidence: Evidence) -> dict[str, Any]:
 
 
 def count_tests(found: Sequence[Comparison], need: Literal["all", "most"]) -> Tally:
-    """Say what the tests without missing numbers come to; without any, the claim isn't testable."""
+    """Return the outcome of the tests without missing numbers; raise if there are none."""
     counted = [test for test in found if not np.isnan(test.margin)]
     if not counted:
         message = "the records hold no level that the statement is about"
@@ -208,7 +131,7 @@ def count_tests(found: Sequence[Comparison], need: Literal["all", "most"]) -> Ta
 
 
 def read_explanations() -> dict[str, str]:
-    """Why claims came out as they did, by id, for those that somebody has looked into."""
+    """Return the known explanations of verdicts, by claim."""
     text = files("cgroup.benchmark.paper").joinpath("explanations.toml").read_text(encoding="utf-8")
     return {name: str(value) for name, value in tomllib.loads(text).items()}
 
@@ -232,25 +155,22 @@ def as_markdown(verdicts: Sequence[Verdict]) -> str:
 
 
 def counts_line(verdicts: Iterable[Verdict]) -> str:
-    """Say how many claims have which verdict."""
+    """Return a sentence with the number of claims by verdict."""
     listed = list(verdicts)
     generated = sum(verdict.measured.startswith(ON_GENERATED) for verdict in listed)
     counts = ", ".join(f"{n} {outcome}" for outcome, n in count_verdicts(listed).items())
     why = f"; {generated} would rest on generated shapes, not what the paper measured" if generated else ""
-    tried = [verdict.stability for verdict in listed if verdict.stability is not None]
-    close = f"; {sum(each.close for each in tried)} verdicts are close" if tried else ""
-    return f"{len(listed)} claims: {counts}{why}{close}"
+    return f"{len(listed)} claims: {counts}{why}"
 
 
 def _markdown_row(verdict: Verdict) -> str:
     claim = f"**{verdict.id}** {verdict.statement} *Test: {verdict.criterion}*"
     measured = verdict.measured + (f" **Why:** {verdict.explanation}" if verdict.explanation else "")
-    outcome = f"{verdict.verdict} ({verdict.stability})" if verdict.stability else verdict.verdict
-    cells = (claim, outcome, measured, verdict.data)
+    cells = (claim, verdict.verdict, measured, verdict.data)
     return "| " + " | ".join(cell.replace("|", r"\|").replace("\n", " ") for cell in cells) + " |"
 
 
-def _quote(tests: list[Comparison], summary: str) -> str:
+def _quote(tests: list[Comparison]) -> str:
     """Count the tests that hold, and quote the few that decide."""
     failing = [test for test in tests if not test.holds]
     count = f"{len(tests) - len(failing)} of {len(tests)}"
@@ -264,4 +184,4 @@ def _quote(tests: list[Comparison], summary: str) -> str:
         label = "fails at" if failing else "closest calls"
         text = f"{count}; {label}: " + "; ".join(test.text for test in picked)
         text += f"; and {more} more" if more > 0 else ""
-    return f"{text}. {summary}".strip() if summary else f"{text}."
+    return f"{text}."

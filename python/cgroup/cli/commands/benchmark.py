@@ -49,7 +49,6 @@ _VERDICT_COLORS = {"confirmed": "green", "partly": "yellow", "not confirmed": "r
 _CLAIMS = (
     Column("claim", is_text=True),
     Column("verdict", is_text=True),
-    Column("resamples", is_text=True),
     Column("the paper says", is_text=True),
 )
 _FAILURES_SHOWN = 10
@@ -290,7 +289,6 @@ def _print_claims(document: Document, *, format: Format, wide: bool) -> None:  #
     from cgroup.benchmark.paper.verdicts import Verdict, as_markdown  # noqa: PLC0415
 
     verdicts = TypeAdapter(list[Verdict]).validate_python(document["results"]["claims"])
-    resamples = document["options"]["resamples"]
     if format == "markdown":
         print_text(as_markdown(verdicts))
         return
@@ -298,14 +296,7 @@ def _print_claims(document: Document, *, format: Format, wide: bool) -> None:  #
         for verdict in verdicts:
             _print_claim(verdict)
     else:
-        rows = [(each.id, each.verdict, str(each.stability or ""), each.statement) for each in verdicts]
-        shown = [at for at, column in enumerate(_CLAIMS) if resamples or column.header != "resamples"]
-        print_table([_CLAIMS[at] for at in shown], [[row[at] for at in shown] for row in rows])
-    if resamples:
-        print_prose(
-            f"resamples: in how many of {resamples} draws of the same pairs the verdict is the same; "
-            "close: it changes in more than 10 %."
-        )
+        print_table(_CLAIMS, [(each.id, each.verdict, each.statement) for each in verdicts])
     print_prose(document["results"]["counted"])
 
 
@@ -318,10 +309,6 @@ def _print_claim(claim: Verdict) -> None:
         "why": claim.explanation,
         "data": claim.data,
     }
-    if claim.stability:
-        counts = claim.stability.counts.items()
-        drawn = ", ".join(f"{count} {outcome}" for outcome, count in counts if count)
-        said["resamples"] = f"{claim.stability}: {drawn}"
     for name, text in said.items():
         if text:
             print_prose(f"  {name:<9} {text}", " " * 12)
@@ -333,7 +320,6 @@ def _print_claim(claim: Verdict) -> None:
     "claims",
     "cgroup benchmark claims --out paper",
     "cgroup benchmark claims --out paper --wide",
-    "cgroup benchmark claims --out paper --resamples 0",
     "cgroup benchmark claims --out paper --format markdown > claims.md",
     show=_print_claims,
 )
@@ -341,13 +327,6 @@ def _print_claim(claim: Verdict) -> None:
 def claims_command(
     *,
     out: Path = _OUT,
-    resamples: int = option(
-        200,
-        "COUNT",
-        "How often the pairs are drawn anew, to tell how sure each verdict is; 0: not at all.",
-        None,
-        min=0,
-    ),
     format: Format = _FORMAT,  # noqa: A002, ARG001 - the option's name; what shows the claims takes it
 ) -> Document:
     """Check the paper's statements against the records."""
@@ -358,14 +337,14 @@ def claims_command(
 
         begin("reading records")
         frame, timing = tables.load(out), tables.load(out, "timing")
-        begin(f"checking claims on {resamples} resamples" if resamples else "checking claims")
-        verdicts = claims.check_claims(frame, timing, resamples=resamples)
+        begin("checking claims")
+        verdicts = claims.check_claims(frame, timing)
     results = {
         "counts": count_verdicts(verdicts),
         "counted": counts_line(verdicts),
         "claims": [asdict(verdict) for verdict in verdicts],
     }
-    return {"options": {"out": out, "resamples": resamples}, "results": results}
+    return {"options": {"out": out}, "results": results}
 
 
 # --- rankings ------------------------------------------------------------------------------------

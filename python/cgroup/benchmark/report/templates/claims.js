@@ -1,11 +1,10 @@
-// Claims are filtered by verdict, by whether it is close, and by words.
+// Filters claims by verdict and by words.
 const controls = document.getElementById("claims-controls");
 const claimRows = [...document.querySelectorAll("#claims-table tbody tr")];
 function filterClaims() {
   const chosen = new Set([...controls.querySelectorAll("input[name=verdict]:checked")].map((box) => box.value));
-  const onlyClose = controls.querySelector("input[name=close]:checked") !== null;
   const text = controls.querySelector("input[type=search]").value.toLowerCase();
-  for (const row of claimRows) row.hidden = !chosen.has(row.dataset.verdict) || (onlyClose && !("close" in row.dataset)) || !row.textContent.toLowerCase().includes(text);
+  for (const row of claimRows) row.hidden = !chosen.has(row.dataset.verdict) || !row.textContent.toLowerCase().includes(text);
   const shown = claimRows.filter((row) => !row.hidden).length;
   controls.querySelector("output").textContent = `${shown} of ${claimRows.length} shown`;
 }

@@ -1,0 +1,433 @@
+"""The numbers that claims compare: rows of the table, and what follows from them.
+
+`levels`, `overall`, `everywhere` and `times` read the table. The other functions derive numbers from
+numbers: of each row, such as `lead`, or one row from all, such as `change`.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import operator as operators
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from cgroup.benchmark.paper import EXPERIMENTS
+from cgroup.benchmark.paper.evidence import Level
+from cgroup.benchmark.paper.table import MATCHES, TIMING, NotTestableError, Source, Witness
+from cgroup.benchmark.paper.words import (
+    compare_rankings,
+    correlate_with_levels,
+    join,
+    join_names,
+    name,
+    name_level,
+    noun_of_levels,
+    show_score,
+    show_time,
+)
+
+TIE = 0.01
+TIME_TIE = math.log(1.05)
+"""Largest difference of a tie, of scores and of logarithms of times."""
+
+COMBINATIONS = ("C1", "C2", "C3", "C4", "C5", "C6")
+"""Of detector and descriptor, as the paper numbers them."""
+
+_WHAT = {
+    "precision": "P",
+    "recall": "R",
+    "f_score": "F",
+    "registered": "rate",
+    "selected": "size of the group",
+    "inlier_ratio": "mean inlier ratio",
+    "correct": "mean number of correct matches",
+}
+_SIDES = {
+    "<": (operators.lt, "below"),
+    "<=": (operators.le, "at or below"),
+    ">": (operators.gt, "above"),
+    ">=": (operators.ge, "from"),
+}
+_ONE_LEVEL = "the records hold one level only"
+
+
+class Row(NamedTuple):
+    """Numbers of the methods at a level, or where the label states."""
+
+    label: str
+    scores: pd.Series
+    level: Level = ""
+
+
+class Pick(NamedTuple):
+    """Some of the levels: in words, and a function that chooses among the known ones."""
+
+    words: str
+    choose: Callable[[Sequence[Level]], list[Level]]
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """Rows of numbers.
+
+    Attributes
+    ----------
+    what, where, whose : str
+        The quantity, the rows and the columns, in words.
+    find : callable
+        Returns the rows, given the table and the methods that must be in it.
+    show : callable
+        Formats a number.
+    tie : float
+        Largest difference of a tie.
+    superlative : str
+        Word for the highest number.
+    """
+
+    what: str
+    where: str
+    find: Callable[[Witness, tuple[str, ...]], list[Row]]
+    whose: str = "each method"
+    show: Callable[[float], str] = show_score
+    tie: float = TIE
+    superlative: str = "best"
+
+
+# --- Levels -------------------------------------------------------------------------------------------------
+
+
+def at(operator: Literal["<", "<=", ">", ">="], bound: float) -> Pick:
+    """Levels on one side of a bound, at least one of which must be there."""
+    compare, words = _SIDES[operator]
+
+    def choose(known: Sequence[Level]) -> list[Level]:
+        chosen = [level for level in known if compare(round(float(level), 6), bound)]
+        if not chosen:
+            message = f"the records hold no level {words} {bound:g}"
+            raise NotTestableError(message)
+        return chosen
+
+    return Pick(f"{words} {bound:g}", choose)
+
+
+def named(*wanted: Level) -> Pick:
+    """Levels that a statement names, all of which must be there."""
+
+    def choose(known: Sequence[Level]) -> list[Level]:
+        missing = [str(each) for each in wanted if each not in known]
+        if missing:
+            message = "the records lack the level " + ", ".join(missing)
+            raise NotTestableError(message)
+        return list(wanted)
+
+    return Pick("of the six" if wanted == COMBINATIONS else "of " + " and ".join(map(str, wanted)), choose)
+
+
+def nearest(level: float, low: float, high: float, *, optional: bool = False) -> Pick:
+    """Level nearest to one, within bounds; it must be there unless it is optional."""
+
+    def choose(known: Sequence[Level]) -> list[Level]:
+        within = [each for each in known if low <= round(float(each), 6) <= high]
+        if not within and not optional:
+            message = f"the records hold no level around {level:g}"
+            raise NotTestableError(message)
+        return sorted(within, key=lambda each: abs(float(each) - level))[:1]
+
+    within = f"within {low:g} to {high:g}{', if there is one' if optional else ''}"
+    return Pick(f"nearest to {level:g} ({within})", choose)
+
+
+# --- Numbers of the table -----------------------------------------------------------------------------------
+
+
+def levels(measure: str, *given: Source | Pick) -> Numbers:
+    """Means over pairs: one row for each level of some experiments, or for each picked level."""
+    sources = [each for each in given if isinstance(each, Source)]
+    pick = next((each for each in given if isinstance(each, Pick)), None)
+
+    def find(witness: Witness, methods: tuple[str, ...]) -> list[Row]:
+        tables = [(each, witness.read_levels(each, measure, methods)) for each in sources]
+        return [
+            Row(name_level(source.experiment, level), table.loc[level], level)
+            for source, table in tables
+            for level in (pick.choose(list(table.index)) if pick else table.index)
+        ]
+
+    nouns = (noun_of_levels(each.experiment) for each in sources)
+    picked = f" {pick.words}" if pick else ""
+    where = f"at each {' and each '.join(nouns)}{picked} on {join(source.place for source in sources)}"
+    whose = MATCHES if measure in {"inlier_ratio", "correct"} else "each method"
+    return Numbers(_WHAT[measure], where, find, whose)
+
+
+def overall(measure: str, *sources: Source) -> Numbers:
+    """Means over all levels: one row for each source."""
+
+    def find(witness: Witness, methods: tuple[str, ...]) -> list[Row]:
+        return [
+            Row(each.place or each.experiment, witness.read_overall(each, measure, methods))
+            for each in sources
+        ]
+
+    where = f"over all levels of {join(f'{each.experiment} ({each.place})' for each in sources)}"
+    show = (lambda value: f"{value:.0f}") if measure == "selected" else show_score
+    return Numbers(_WHAT.get(measure, measure), where, find, show=show)
+
+
+def everywhere(measure: str, methods: Sequence[str], *needed: Source, without: str) -> Numbers:
+    """One row for each level of all experiments but one; some sources must be there."""
+
+    def find(witness: Witness, _: tuple[str, ...]) -> list[Row]:
+        for source in needed:
+            witness.find(source, tuple(methods))
+        rows: list[Row] = []
+        for experiment, place in witness.table.origins:
+            if experiment in EXPERIMENTS and experiment != without:
+                table = witness.table.by_level((experiment, place), measure).reindex(columns=list(methods))
+                rows += [Row(f"{place}, {name_level(experiment, at)}", table.loc[at]) for at in table.index]
+        return rows
+
+    places = join(source.place for source in needed)
+    where = f"at each level of each experiment but '{without}'; needs '{needed[0].experiment}' on {places}"
+    return Numbers(_WHAT[measure], where, find)
+
+
+def times(superlative: Literal["longest", "shortest"], *, largest: int | None = None) -> Numbers:
+    """Logarithms of the mean times: one row for each n, or for the largest n, which must reach a size."""
+    sign = 1.0 if superlative == "longest" else -1.0
+
+    def find(witness: Witness, methods: tuple[str, ...]) -> list[Row]:
+        logs = sign * np.log(witness.read_levels(Source(TIMING, ""), "seconds", methods))
+        if largest is not None and logs.index[-1] < largest:
+            message = f"no times for n of {largest} or more"
+            raise NotTestableError(message)
+        return [Row(f"n {n}", row) for n, row in (logs if largest is None else logs.tail(1)).iterrows()]
+
+    where = {None: "at each n", 0: "at the largest n"}.get(largest, f"at the largest n, at least {largest}")
+    return Numbers(
+        "time", where, find, show=lambda value: show_time(sign * value), tie=TIME_TIE, superlative=superlative
+    )
+
+
+def together(*several: Numbers) -> Numbers:
+    """Join the rows of several numbers of one kind."""
+    return replace(
+        several[0],
+        where=" and ".join(each.where for each in several),
+        find=lambda witness, methods: [row for each in several for row in each.find(witness, methods)],
+    )
+
+
+# --- Numbers of each row ------------------------------------------------------------------------------------
+
+
+def lead(methods: Sequence[str], numbers: Numbers, *, worst: bool = False) -> Numbers:
+    """Difference between the mean of some methods, or the worst of them, and the best of the others."""
+
+    def find_lead(scores: pd.Series) -> pd.Series:
+        is_named = scores.index.isin(list(methods))
+        ours = scores[is_named].min() if worst else scores[is_named].mean()
+        return pd.Series({join_names(methods): ours - scores[~is_named].max()})
+
+    which = "the lowest of " if worst else "the mean of " if len(methods) > 1 else ""
+    whose = f"{which}{join_names(methods)} over the best other"
+    return _of_each(numbers, f"lead in {numbers.what}", find_lead, whose)
+
+
+def behind(method: str, numbers: Numbers) -> Numbers:
+    """Difference between the next worst method and this one."""
+    return _of_each(
+        numbers,
+        f"deficit in {numbers.what}",
+        lambda scores: pd.Series({name(method): scores.drop(method).min() - scores[method]}),
+        f"{name(method)} behind the next worst",
+    )
+
+
+def beside_median(numbers: Numbers) -> Numbers:
+    """Difference from the median of the methods."""
+    what = f"{numbers.what} minus the median of the methods,"
+    return _of_each(numbers, what, lambda scores: scores - scores.median(), numbers.whose)
+
+
+def distance(one: str, other: str, numbers: Numbers) -> Numbers:
+    """Absolute difference of two methods."""
+    both = join_names((one, other))
+    what, methods = f"difference in {numbers.what}", (one, other)
+    return _of_each(
+        numbers,
+        what,
+        lambda scores: pd.Series({both: abs(scores[one] - scores[other])}),
+        both,
+        methods,
+    )
+
+
+def rank(numbers: Numbers) -> Numbers:
+    """Rank of each method: 1 + the number of methods that are better by more than a tie."""
+
+    def find_ranks(scores: pd.Series) -> pd.Series:
+        return pd.Series({method: 1.0 + (scores > scores[method] + TIE).sum() for method in scores.index})
+
+    found = _of_each(numbers, f"rank by {numbers.what}", find_ranks, numbers.whose)
+    return replace(found, show=lambda value: f"{value:.0f}")
+
+
+# --- One row of all -----------------------------------------------------------------------------------------
+
+
+def change(numbers: Numbers, *, since: float | None = None, drop: bool = False) -> Numbers:
+    """Change from the first row, or from the last one up to a level, to the last row; or the drop."""
+
+    def combine(rows: list[Row]) -> tuple[str, pd.Series]:
+        passed = [row for row in rows if since is not None and float(row.level) <= since]
+        first, last = passed[-1] if passed else rows[0], rows[-1]
+        if first is last:
+            raise NotTestableError(_ONE_LEVEL)
+        return f"{first.label} to {last.label}", (last.scores - first.scores) * (-1 if drop else 1)
+
+    start = "" if since is None else f" from about {since:g} on"
+    found = _over(numbers, f"{'drop' if drop else 'change'} of {numbers.what}{start}", combine, least=2)
+    return replace(found, superlative="largest")
+
+
+def mean_of(numbers: Numbers, *, skipna: bool = True) -> Numbers:
+    """Mean over all rows; missing numbers are skipped, or make the mean missing."""
+
+    def combine(rows: list[Row]) -> tuple[str, pd.Series]:
+        table = pd.DataFrame([row.scores for row in rows])
+        return f"mean from {rows[0].label} to {rows[-1].label}", table.mean(skipna=skipna)
+
+    return _over(numbers, numbers.what, combine, mean=True)
+
+
+def lowest(numbers: Numbers) -> Numbers:
+    """Lowest number over all rows."""
+    return _over(numbers, f"lowest {numbers.what}", _each_method(lambda values: float(np.nanmin(values))))
+
+
+def spread(numbers: Numbers) -> Numbers:
+    """Difference of the highest and the lowest number over all rows."""
+    return _over(numbers, f"range of the {numbers.what}", _each_method(lambda values: float(np.ptp(values))))
+
+
+def swing(numbers: Numbers) -> Numbers:
+    """Largest rise or largest fall between neighbouring rows, whichever is smaller."""
+
+    def find_swing(values: np.ndarray) -> float:
+        return min(float(np.diff(values).max()), float(-np.diff(values).min()))
+
+    what = f"the smaller of the largest rise and fall between neighbours of {numbers.what}"
+    return _over(numbers, what, _each_method(find_swing), least=3)
+
+
+def growth(numbers: Numbers) -> Numbers:
+    """Spearman's rank correlation of each method's numbers with the level."""
+
+    def combine(rows: list[Row]) -> tuple[str, pd.Series]:
+        at = [float(row.level) for row in rows]
+        table = pd.DataFrame([row.scores for row in rows])
+        found = {name: correlate_with_levels(at, values) for name, values in table.items()}
+        return f"{rows[0].label} to {rows[-1].label}", pd.Series(found)
+
+    return _over(numbers, f"Spearman correlation of {numbers.what} and level", combine, least=3)
+
+
+def stability(numbers: Numbers, *, mean: bool = False) -> Numbers:
+    """Kendall's τ between the rankings of neighbouring rows; or its mean over any two rows."""
+
+    def find(witness: Witness, methods: tuple[str, ...]) -> list[Row]:
+        rows = _need_rows(numbers.find(witness, methods), 2)
+        pairs = list(itertools.combinations(rows, 2) if mean else itertools.pairwise(rows))
+        taus = [compare_rankings(one.scores, other.scores) for one, other in pairs]
+        if mean:
+            return [Row("any two", pd.Series({"any two": sum(taus) / len(taus)}))]
+        labels = [f"{one.label} and {other.label}" for one, other in pairs]
+        return [Row(label, pd.Series({"neighbours": tau})) for label, tau in zip(labels, taus, strict=True)]
+
+    what = f"{'mean ' if mean else ''}Kendall τ of the rankings by {numbers.what}"
+    return Numbers(what, _over_each(numbers.where), find, "any two" if mean else "neighbours")
+
+
+def count_orders(methods: Sequence[str], numbers: Numbers) -> Numbers:
+    """Count the different orders of some methods."""
+
+    def combine(rows: list[Row]) -> tuple[str, pd.Series]:
+        orders = {tuple(row.scores[list(methods)].sort_values().index) for row in rows}
+        return "all", pd.Series({join_names(methods): float(len(orders))})
+
+    found = _over(numbers, f"orders by {numbers.what}", combine)
+    return replace(found, whose=join_names(methods), show=lambda value: f"{value:.0f}")
+
+
+def over_others(wanted: Sequence[str], numbers: Numbers) -> Numbers:
+    """Ratio of the numbers at some levels to the lowest at the other levels."""
+
+    def combine(rows: list[Row]) -> tuple[str, pd.Series]:
+        known = {str(row.level): float(row.scores.iloc[0]) for row in rows}
+        least = min(value for level, value in known.items() if level not in wanted)
+        return "all", pd.Series({level: known[level] / max(least, 1e-9) for level in wanted})
+
+    found = _over(numbers, f"ratio of the {numbers.what} to the lowest of the others", combine)
+    return replace(found, whose=" and ".join(wanted))
+
+
+# --- Parts --------------------------------------------------------------------------------------------------
+
+
+def _of_each(
+    numbers: Numbers,
+    what: str,
+    derive: Callable[[pd.Series], pd.Series],
+    whose: str,
+    needed: tuple[str, ...] = (),
+) -> Numbers:
+    """Derive numbers from each row."""
+
+    def find(witness: Witness, _: tuple[str, ...]) -> list[Row]:
+        return [row._replace(scores=derive(row.scores)) for row in numbers.find(witness, needed)]
+
+    return replace(numbers, what=what, whose=whose, find=find)
+
+
+def _over(
+    numbers: Numbers,
+    what: str,
+    combine: Callable[[list[Row]], tuple[str, pd.Series]],
+    *,
+    least: int = 1,
+    mean: bool = False,
+) -> Numbers:
+    """Derive one row from all, of which there must be some."""
+
+    def find(witness: Witness, methods: tuple[str, ...]) -> list[Row]:
+        return [Row(*combine(_need_rows(numbers.find(witness, methods), least)))]
+
+    where = f"on average {numbers.where}" if mean else _over_each(numbers.where)
+    return replace(numbers, what=what, find=find, where=where)
+
+
+def _over_each(where: str) -> str:
+    return where.replace("at each", "over each", 1)
+
+
+def _need_rows(rows: list[Row], least: int) -> list[Row]:
+    if len(rows) < least:
+        raise NotTestableError(_ONE_LEVEL if least <= 2 else f"the records hold fewer than {least} levels")
+    return rows
+
+
+def _each_method(reduce: Callable[[np.ndarray], float]) -> Callable[[list[Row]], tuple[str, pd.Series]]:
+    """Reduce the numbers of each method over all rows."""
+
+    def combine(rows: list[Row]) -> tuple[str, pd.Series]:
+        table = pd.DataFrame([row.scores for row in rows])
+        found = {method: reduce(values.to_numpy(dtype=np.float64)) for method, values in table.items()}
+        return f"{rows[0].label} to {rows[-1].label}", pd.Series(found)
+
+    return combine
