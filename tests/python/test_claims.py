@@ -103,6 +103,8 @@ def test_missing_methods_and_levels_are_named() -> None:
     frame = paper_frame("noise")
     assert "GTM" in outcome("C-03", frame[frame["method"] != "gtm"]).measured
     assert outcome("C-06", frame[frame["method"] != "gtm"]).verdict == "confirmed"
+    few = paper_frame("matches")
+    assert outcome("C-34", few[few["method"] != "ss"]).verdict == "not testable"
     missing = outcome("C-01", frame[frame["level"] > 0.2])
     assert missing.verdict == "not testable"
     assert "0.05" in missing.measured

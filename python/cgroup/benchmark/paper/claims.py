@@ -20,10 +20,8 @@ from cgroup.benchmark.paper.checks import (
 )
 from cgroup.benchmark.paper.evidence import Evidence
 from cgroup.benchmark.paper.numbers import (
-    COMBINATIONS,
     TIE,
     Numbers,
-    at,
     behind,
     beside_median,
     change,
@@ -35,8 +33,6 @@ from cgroup.benchmark.paper.numbers import (
     levels,
     lowest,
     mean_of,
-    named,
-    nearest,
     over_others,
     overall,
     rank,
@@ -46,6 +42,7 @@ from cgroup.benchmark.paper.numbers import (
     times,
     together,
 )
+from cgroup.benchmark.paper.picks import COMBINATIONS, at, named, nearest
 from cgroup.benchmark.paper.table import ClaimTable, Source, make_table
 from cgroup.benchmark.paper.verdicts import CRITERIA, OUTCOMES, Outcome, Verdict, judge, read_explanations
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import operator as operators
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
@@ -18,6 +17,7 @@ import pandas as pd
 
 from cgroup.benchmark.paper import EXPERIMENTS
 from cgroup.benchmark.paper.evidence import Level
+from cgroup.benchmark.paper.picks import Pick
 from cgroup.benchmark.paper.table import MATCHES, TIMING, NotTestableError, Source, Witness
 from cgroup.benchmark.paper.words import (
     compare_rankings,
@@ -30,13 +30,11 @@ from cgroup.benchmark.paper.words import (
     show_score,
     show_time,
 )
+from cgroup.types import FloatArray
 
 TIE = 0.01
 TIME_TIE = math.log(1.05)
 """Largest difference of a tie, of scores and of logarithms of times."""
-
-COMBINATIONS = ("C1", "C2", "C3", "C4", "C5", "C6")
-"""Of detector and descriptor, as the paper numbers them."""
 
 _WHAT = {
     "precision": "P",
@@ -47,12 +45,6 @@ _WHAT = {
     "inlier_ratio": "mean inlier ratio",
     "correct": "mean number of correct matches",
 }
-_SIDES = {
-    "<": (operators.lt, "below"),
-    "<=": (operators.le, "at or below"),
-    ">": (operators.gt, "above"),
-    ">=": (operators.ge, "from"),
-}
 _ONE_LEVEL = "the records hold one level only"
 
 
@@ -62,13 +54,6 @@ class Row(NamedTuple):
     label: str
     scores: pd.Series
     level: Level = ""
-
-
-class Pick(NamedTuple):
-    """Some of the levels: in words, and a function that chooses among the known ones."""
-
-    words: str
-    choose: Callable[[Sequence[Level]], list[Level]]
 
 
 @dataclass(frozen=True)
@@ -96,50 +81,6 @@ class Numbers:
     show: Callable[[float], str] = show_score
     tie: float = TIE
     superlative: str = "best"
-
-
-# --- Levels -------------------------------------------------------------------------------------------------
-
-
-def at(operator: Literal["<", "<=", ">", ">="], bound: float) -> Pick:
-    """Levels on one side of a bound, at least one of which must be there."""
-    compare, words = _SIDES[operator]
-
-    def choose(known: Sequence[Level]) -> list[Level]:
-        chosen = [level for level in known if compare(round(float(level), 6), bound)]
-        if not chosen:
-            message = f"the records hold no level {words} {bound:g}"
-            raise NotTestableError(message)
-        return chosen
-
-    return Pick(f"{words} {bound:g}", choose)
-
-
-def named(*wanted: Level) -> Pick:
-    """Levels that a statement names, all of which must be there."""
-
-    def choose(known: Sequence[Level]) -> list[Level]:
-        missing = [str(each) for each in wanted if each not in known]
-        if missing:
-            message = "the records lack the level " + ", ".join(missing)
-            raise NotTestableError(message)
-        return list(wanted)
-
-    return Pick("of the six" if wanted == COMBINATIONS else "of " + " and ".join(map(str, wanted)), choose)
-
-
-def nearest(level: float, low: float, high: float, *, optional: bool = False) -> Pick:
-    """Level nearest to one, within bounds; it must be there unless it is optional."""
-
-    def choose(known: Sequence[Level]) -> list[Level]:
-        within = [each for each in known if low <= round(float(each), 6) <= high]
-        if not within and not optional:
-            message = f"the records hold no level around {level:g}"
-            raise NotTestableError(message)
-        return sorted(within, key=lambda each: abs(float(each) - level))[:1]
-
-    within = f"within {low:g} to {high:g}{', if there is one' if optional else ''}"
-    return Pick(f"nearest to {level:g} ({within})", choose)
 
 
 # --- Numbers of the table -----------------------------------------------------------------------------------
@@ -319,11 +260,12 @@ def spread(numbers: Numbers) -> Numbers:
 def swing(numbers: Numbers) -> Numbers:
     """Largest rise or largest fall between neighbouring rows, whichever is smaller."""
 
-    def find_swing(values: np.ndarray) -> float:
+    def find_swing(values: FloatArray) -> float:
         return min(float(np.diff(values).max()), float(-np.diff(values).min()))
 
     what = f"the smaller of the largest rise and fall between neighbours of {numbers.what}"
-    return _over(numbers, what, _each_method(find_swing), least=3)
+    of_all = replace(numbers, find=lambda witness, _: numbers.find(witness, ()))
+    return _over(of_all, what, _each_method(find_swing), least=3)
 
 
 def growth(numbers: Numbers) -> Numbers:
@@ -422,7 +364,7 @@ def _need_rows(rows: list[Row], least: int) -> list[Row]:
     return rows
 
 
-def _each_method(reduce: Callable[[np.ndarray], float]) -> Callable[[list[Row]], tuple[str, pd.Series]]:
+def _each_method(reduce: Callable[[FloatArray], float]) -> Callable[[list[Row]], tuple[str, pd.Series]]:
     """Reduce the numbers of each method over all rows."""
 
     def combine(rows: list[Row]) -> tuple[str, pd.Series]:

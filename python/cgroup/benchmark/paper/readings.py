@@ -88,8 +88,13 @@ def apply_readings(tables: dict[str, Any], names: Iterable[str]) -> dict[str, An
 
 def _apply(tables: dict[str, Any], reading: Reading) -> dict[str, Any]:
     experiments = [part for entry in tables["experiment"] for part in _split(entry, reading)]
-    changed = {**tables, "name": f"{tables['name']}+{reading.name}", "experiment": experiments}
-    for table in (changed, *experiments, changed.get("timing") or {}):
+    changed: dict[str, Any] = {
+        **tables,
+        "name": f"{tables['name']}+{reading.name}",
+        "experiment": experiments,
+    }
+    parts: list[dict[str, Any]] = [changed, *experiments, changed.get("timing") or {}]
+    for table in parts:
         if table.get("methods"):
             table["methods"] = [_set_options(method, reading) for method in table["methods"]]
     return changed
