@@ -39,7 +39,9 @@ _PRESETS = resources.files("cgroup.benchmark") / "presets"
 
 
 class Config(Table):
-    """Configuration of a run; the documentation of the benchmark lists the keys of all tables.
+    """Configuration of a run.
+
+    The documentation of the benchmark lists the keys of all tables.
 
     Attributes
     ----------
