@@ -674,7 +674,7 @@ def test_without_information_the_first_recall_that_is_known_leads(folder, capsys
     assert "By 15deg 0.3m:" in text
     (folder / "own.toml").write_text('title = "x"\n[[recall]]\nname = "a"\nmax_rmse = 1')
     command = [*asked(folder)[:3], "--protocol", folder / "own.toml", "--truth", folder / "truth"]
-    assert "no recall is known of all results; RMSE needs gt.info" in fail(capsys, *command)
+    assert "no recall is known for all results; RMSE needs gt.info" in fail(capsys, *command)
 
 
 def test_pairs_that_the_truth_lacks_are_counted(folder, capsys):

@@ -51,10 +51,10 @@ def correct_matches(
 ) -> BoolArray:
     """Return which matches are correct: ``|R p + t - p'|`` <= tolerance.
 
+    Further parameters as for `match_errors`.
+
     Parameters
     ----------
-    source, target, T_target_source
-        As for `match_errors`.
     tolerance : float
         In the data's unit; 5 times the resolution is usual.
 
@@ -143,7 +143,7 @@ def overlap(source: AnyCloud, target: AnyCloud, T_target_source: ArrayLike, *, t
 def alignment_error(
     source: AnyCloud, target: AnyCloud, estimated: ArrayLike, true: ArrayLike, *, tolerance: float
 ) -> float:
-    """Return the mean displacement of the overlapping source points under an estimated pose.
+    """Return the mean displacement of the source points in the overlap.
 
     Parameters
     ----------
@@ -197,7 +197,7 @@ def clutter_and_occlusion(
     *,
     tolerance: float,
 ) -> tuple[float, float]:
-    """Return the share of a scene that isn't the model, and of the model that is hidden in it.
+    """Return clutter (share of a scene that isn't the model) and occlusion.
 
     Parameters
     ----------

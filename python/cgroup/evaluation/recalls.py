@@ -23,7 +23,7 @@ from cgroup.types import AnyCloud, FloatArray
 
 
 def redwood_error(estimated: ArrayLike, true: ArrayLike, information: ArrayLike) -> float:
-    """Return the squared error of a pose by Redwood's information matrix, as 3DMatch defines it.
+    """Return the squared error of a pose by Redwood's information matrix.
 
     It is e' I e / I[0,0], where e is the translation of true^-1 estimated and the vector part of its unit
     quaternion. 3DMatch and Predator call a pair registered if it is at most 0.2 squared.
@@ -144,10 +144,10 @@ def inlier_ratio(
 ) -> float:
     """Return the share of matches whose points are close under the true pose.
 
+    Further parameters as for `match_errors`.
+
     Parameters
     ----------
-    source, target, T_target_source
-        As for `match_errors`.
     distance : float
         PPFNet's tau_1, exclusive, in the data's unit; 0.1 m is usual on 3DMatch.
 

@@ -130,7 +130,7 @@ def comparison_page(
     tolerance: float | None = None,
     title: str = "Comparison",
 ) -> str:
-    """Return the page of a comparison: the group of each method, and why each match is in it or not.
+    """Return the page of a comparison: the groups of methods, and reasons.
 
     Parameters
     ----------

@@ -61,6 +61,11 @@ def registration_figure(
         there). The colours end at the resolution of the matches; points without a neighbour within 2.5 times
         that are grey.
 
+    Raises
+    ------
+    IndexError
+        For a mask that isn't aligned with the matches.
+
     Examples
     --------
     >>> from cgroup.datasets import standin_pair
@@ -104,12 +109,12 @@ def comparison_figure(
     T_target_source: FloatArray,
     title: str,
 ) -> Figure:
-    """Draw the group of each method: correct matches in one colour, wrong ones in another.
+    """Draw the group of each method, correct and wrong matches in two colours.
+
+    Further parameters as for `registration_figure`.
 
     Parameters
     ----------
-    source, target, correspondences, title
-        As for `registration_figure`.
     correct : (n,) array of bool
         Which matches are correct.
     masks : mapping of str to (n,) array of bool
@@ -121,6 +126,11 @@ def comparison_figure(
     -------
     Figure
         The source is rotated by the true pose, so that lines of correct matches are parallel.
+
+    Raises
+    ------
+    ValueError
+        For masks that aren't aligned with the matches.
     """
     as_named("masks", masks, "give a dict of masks by the name of the method")
     rows = -(-len(masks) // _COLUMNS)
@@ -193,6 +203,11 @@ def keypoints_figure(
     -------
     Figure
         Keypoints on the far side are left out and counted below the panel.
+
+    Raises
+    ------
+    IndexError
+        For keypoints that are no rows of the points.
     """
     cloud = as_points("points", points)
     as_named("keypoints", keypoints, "give a dict of rows by the name of the detector")
