@@ -110,7 +110,7 @@ def test_refuses_bad_input() -> None:
     sheet, other = (Surface(grid(), UP, unit=unit) for unit in (1.0, 0.5))
     with pytest.raises(InputError, match="unit"):
         places(sheet, other, np.eye(4))
-    with pytest.raises(InputError, match="one"):
+    with pytest.raises(InputError, match="a 4x4 matrix"):
         places(sheet, sheet, np.tile(np.eye(4), (2, 1, 1)))
-    with pytest.raises(InputError, match="rigid"):
+    with pytest.raises(InputError, match="last row"):
         places(sheet, sheet, 2 * np.eye(4))
