@@ -10,7 +10,7 @@ from cgroup import Correspondences
 from cgroup.cli import app, main
 from cgroup.datasets import standin_pair
 from cgroup.io import write_cloud, write_correspondences, write_transform
-from cgroup.io._results import LIST
+from cgroup.io.result_folders import LIST
 
 
 def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:

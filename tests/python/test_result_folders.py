@@ -21,7 +21,7 @@ from scenes import stone_model, stone_scene
 from cgroup import InputError
 from cgroup.datasets import standin_pair
 from cgroup.io import read_cloud, write_cloud, write_correspondences, write_file, write_transform
-from cgroup.io._results import LIST, Results
+from cgroup.io.result_folders import LIST, Results
 from cgroup.maps.map_files import save_arrays
 from cgroup.rigid import apply
 from cgroup.scenes import register_all
@@ -253,7 +253,7 @@ def test_pages_and_folders_are_no_pipes(folder: Path, capsys: Capture) -> None:
 
 HALF_WRITTEN = """
 import os, sys, time
-import cgroup.io._parts
+import cgroup.io.parts
 os.fsync = lambda _: (print("ready", flush=True), time.sleep(600))
 cgroup.io.write_file(sys.argv[1], b"half")
 """

@@ -9,7 +9,7 @@ from placed_scenes import PAIR, edge, known_scene, thin_scene, turned
 
 from cgroup import InputError
 from cgroup.io import read_cloud, read_transforms, write_cloud
-from cgroup.io._names import find_names
+from cgroup.io.scan_names import find_names
 from cgroup.registration import prepare
 from cgroup.rigid import invert
 from cgroup.scenes import PoseGraph

@@ -10,7 +10,7 @@ from e57_files import FLOAT, e57
 
 from cgroup.datasets import standin_pair
 from cgroup.io import write_cloud
-from cgroup.io._attributes import unkept_attributes
+from cgroup.io.attributes import unkept_attributes
 
 E57_FIELDS = ("cartesianX", "cartesianY", "cartesianZ", "intensity", "timeStamp", "colorRed")
 

@@ -25,7 +25,7 @@ from cgroup.benchmark.entries import (
 from cgroup.benchmark.paper.readings import apply_readings
 from cgroup.benchmark.solver import Solver
 from cgroup.errors import InputError
-from cgroup.io._files import load_text
+from cgroup.io.files import load_text
 from cgroup.registry import METHODS
 
 if sys.version_info >= (3, 11):

@@ -28,7 +28,7 @@ from cgroup.benchmark.results import KILLED, OUT_OF_TIME, Matched, Pending, Resu
 from cgroup.benchmark.solver import Solver
 from cgroup.benchmark.store import RECORDS, Counts, Store, only_writer, report_failures
 from cgroup.benchmark.worker import ALL_CORES
-from cgroup.io._results import make_folder
+from cgroup.io.result_folders import make_folder
 
 Progress: TypeAlias = Callable[[str, int, int], Any]
 Slow: TypeAlias = defaultdict[tuple[object, ...], list[int]]

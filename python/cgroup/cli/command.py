@@ -17,7 +17,7 @@ from cgroup.cli.show.json import Document, make_document, print_document
 from cgroup.cli.show.terminal import paint
 from cgroup.cli.wording import reworded_errors
 from cgroup.errors import NoConsensusError
-from cgroup.io._files import digests_of_inputs, keeping_inputs
+from cgroup.io.files import digests_of_inputs, keeping_inputs
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 

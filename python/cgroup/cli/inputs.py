@@ -10,7 +10,7 @@ import numpy as np
 
 from cgroup import io
 from cgroup.cli.show.terminal import show_stages
-from cgroup.io._attributes import unkept_attributes
+from cgroup.io.attributes import unkept_attributes
 from cgroup.types import PointCloud, RealArray
 
 

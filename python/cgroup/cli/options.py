@@ -11,7 +11,7 @@ from typing import Any, get_args
 import typer
 
 from cgroup.errors import InputError
-from cgroup.io._results import check_folder
+from cgroup.io.result_folders import check_folder
 from cgroup.registration import Descriptor, Detector, Effort, Normals
 from cgroup.registry import METHOD_INFO, METHODS
 

@@ -11,8 +11,8 @@ from cgroup._checks.quoting import escape
 from cgroup.cli.show.registration import Clouds
 from cgroup.cli.show.terminal import print_facts, print_line, shown_name, write_figure
 from cgroup.errors import InputError
-from cgroup.io._files import check_outputs, number_lines
-from cgroup.io._results import Results
+from cgroup.io.files import check_outputs, number_lines
+from cgroup.io.result_folders import Results
 from cgroup.registration import Registration
 from cgroup.types import FloatArray
 

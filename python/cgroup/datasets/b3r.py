@@ -14,7 +14,7 @@ from cgroup.datasets.base import FITTING_WITHIN, MatchingPair, fitting_pose, pos
 from cgroup.datasets.file_datasets import FileDataset
 from cgroup.errors import InputError
 from cgroup.io import read_cloud, read_transform
-from cgroup.io._files import load_text
+from cgroup.io.files import load_text
 from cgroup.rigid import apply
 from cgroup.types import FloatArray, PointCloud
 

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from cgroup.errors import InputError
-from cgroup.io._files import read_content, write_file
-from cgroup.io._results import make_folder, remove_file
+from cgroup.io.files import read_content, write_file
+from cgroup.io.result_folders import make_folder, remove_file
 
 # The variable that names the folder for caches, and that folder in the home otherwise; by platform.
 _CACHES = {"darwin": ("XDG_CACHE_HOME", "Library/Caches"), "win32": ("LOCALAPPDATA", "AppData/Local")}

@@ -15,7 +15,7 @@ from cgroup.datasets.base import MatchingPair
 from cgroup.datasets.file_datasets import FileDataset
 from cgroup.errors import InputError
 from cgroup.io import read_cloud, read_transform
-from cgroup.io._files import load_numbers, load_text, parse_file
+from cgroup.io.files import load_numbers, load_text, parse_file
 from cgroup.rigid import check_rigid, invert
 from cgroup.types import FloatArray, PointCloud
 from cgroup.verification import FineSurface, align

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from cgroup.errors import InputError
-from cgroup.io._files import load_json, load_text
+from cgroup.io.files import load_json, load_text
 
 
 def manifest_pairs(root: Path, dataset: str) -> list[dict[str, Any]]:

@@ -17,7 +17,7 @@ from cgroup.datasets.stanford import read_views
 from cgroup.datasets.threedmatch import ThreeDMatch
 from cgroup.errors import InputError
 from cgroup.io import read_cloud
-from cgroup.io._files import load_json, load_text
+from cgroup.io.files import load_json, load_text
 from cgroup.rigid import apply, check_rigid, invert
 from cgroup.types import FloatArray
 

@@ -19,7 +19,7 @@ from cgroup.datasets.pose_lists import manifest_pairs
 from cgroup.errors import InputError
 from cgroup.features import Viewpoint
 from cgroup.io import read_cloud
-from cgroup.io._files import load_text
+from cgroup.io.files import load_text
 from cgroup.rigid import invert
 from cgroup.rigid.transforms import turn
 from cgroup.types import FloatArray

@@ -16,7 +16,7 @@ from cgroup.datasets.base import MatchingPair, fitting_pose, measure_overlap
 from cgroup.datasets.file_datasets import FileDataset
 from cgroup.errors import InputError
 from cgroup.io import read_cloud
-from cgroup.io._files import load_text
+from cgroup.io.files import load_text
 from cgroup.rigid import check_rigid
 from cgroup.types import FloatArray
 

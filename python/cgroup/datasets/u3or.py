@@ -19,7 +19,7 @@ from cgroup.datasets.generated.scanner import Mesh, RangeImage, merge, range_ima
 from cgroup.errors import InputError
 from cgroup.evaluation.ground_truth import VISIBLE_WITHIN
 from cgroup.io import read_cloud, read_transform
-from cgroup.io._files import load_text
+from cgroup.io.files import load_text
 from cgroup.types import FloatArray, PointCloud
 
 MODEL_FILES = {

@@ -17,7 +17,7 @@ from cgroup._checks.values import as_choice, as_flag, as_instance, as_length, gu
 from cgroup.errors import InputError
 from cgroup.evaluation.recalls import redwood_errors, registration_recall
 from cgroup.evaluation.result_files import PairErrors, PairPoses, show_pair
-from cgroup.io._files import load_text
+from cgroup.io.files import load_text
 
 if sys.version_info >= (3, 11):
     import tomllib

@@ -4,10 +4,10 @@ Point clouds are parsed without other libraries, but for depth images in PNG (``
 come from anywhere: whatever is wrong with one ends in one `InputError` that names it.
 """
 
-from cgroup.io._files import write_file
 from cgroup.io.clouds import read_cloud, read_descriptors, write_cloud, write_descriptors, write_keypoints
 from cgroup.io.correspondences import read_correspondences, write_correspondences, write_mask
 from cgroup.io.depth import read_depth
+from cgroup.io.files import write_file
 from cgroup.io.transforms import read_transform, read_transforms, write_transform
 from cgroup.rigid import RIGID_TOLERANCE, check_rigid
 from cgroup.types import PointCloud

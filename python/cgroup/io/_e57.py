@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from cgroup.errors import InputError
 from cgroup.io._content import CloudContent, join
-from cgroup.io._files import check_growth
+from cgroup.io.files import check_growth
 from cgroup.io.transforms import from_quaternions
 from cgroup.rigid import apply
 from cgroup.types import FloatArray

@@ -25,9 +25,9 @@ from cgroup.errors import InputError
 from cgroup.features import DescribedCloud
 from cgroup.io._content import CloudContent
 from cgroup.io._e57 import parse_e57
-from cgroup.io._files import naming, parse_file, write_file, written_path
 from cgroup.io._gltf import parse_gltf
-from cgroup.io._numpy_files import load_npy, load_npz_points, npz_bytes, read_arrays, single_number
+from cgroup.io.files import naming, parse_file, write_file, written_path
+from cgroup.io.numpy_files import load_npy, load_npz_points, npz_bytes, read_arrays, single_number
 from cgroup.types import AnyCloud, BoolArray, FloatArray, PointCloud, as_cloud
 
 _DESCRIBED_FIELDS = tuple(field.name for field in fields(DescribedCloud))

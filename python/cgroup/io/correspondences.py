@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike
 from cgroup._checks.arrays import as_mask
 from cgroup._checks.values import as_instance, as_path
 from cgroup.errors import InputError
-from cgroup.io._files import load_numbers, naming, parse_file, read_content, write_file, written_path
-from cgroup.io._numpy_files import load_npy, npz_bytes, read_arrays, single_number, write_array
 from cgroup.io.clouds import PARSERS
+from cgroup.io.files import load_numbers, naming, parse_file, read_content, write_file, written_path
+from cgroup.io.numpy_files import load_npy, npz_bytes, read_arrays, single_number, write_array
 from cgroup.types import OPTIONAL_FIELDS, Correspondences, FloatArray
 
 _NAME = re.compile(rb"(\xef\xbb\xbf)?\s*[\"']?(?!nan\b|inf)[A-Za-z_]", re.IGNORECASE)

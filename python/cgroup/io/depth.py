@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from cgroup._checks.arrays import as_floats
 from cgroup._checks.values import as_length, as_path
 from cgroup.errors import InputError
-from cgroup.io._files import check_growth, parse_file
-from cgroup.io._numpy_files import load_npy
+from cgroup.io.files import check_growth, parse_file
+from cgroup.io.numpy_files import load_npy
 from cgroup.types import PointCloud
 
 _MOST_PIXELS = 1 << 26

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from cgroup._checks.arrays import as_floats
 from cgroup._checks.values import as_path
 from cgroup.errors import InputError
-from cgroup.io._files import load_json, load_numbers, number_lines, parse_file
-from cgroup.io._numpy_files import load_npy, write_array
+from cgroup.io.files import load_json, load_numbers, number_lines, parse_file
+from cgroup.io.numpy_files import load_npy, write_array
 from cgroup.rigid import RIGID_TOLERANCE, check_rigid
 from cgroup.rigid.transforms import are_rigid, turn
 from cgroup.types import FloatArray

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cgroup.errors import InputError
-from cgroup.io._files import load_json, read_content
-from cgroup.io._numpy_files import load_npy
-from cgroup.io._parts import folder_made_whole
+from cgroup.io.files import load_json, read_content
+from cgroup.io.numpy_files import load_npy
+from cgroup.io.parts import folder_made_whole
 
 _FACTS = "map.json"
 _VERSION = 2

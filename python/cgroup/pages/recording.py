@@ -13,7 +13,7 @@ from cgroup._checks.values import as_instance, as_path
 from cgroup._explain import explain_matches
 from cgroup._show.drawing import as_flags, as_points
 from cgroup.errors import InputError, NoConsensusError
-from cgroup.io._files import check_outputs
+from cgroup.io.files import check_outputs
 from cgroup.pages.figure import Kind, kinds_of
 from cgroup.plots import style
 from cgroup.rigid import apply, check_rigid

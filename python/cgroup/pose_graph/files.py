@@ -12,8 +12,8 @@ import numpy as np
 from cgroup._checks.array_types import BoolArray, FloatArray, IndexArray
 from cgroup._checks.quoting import cut, escape
 from cgroup.errors import InputError
-from cgroup.io._files import load_json, number_lines
-from cgroup.io._names import list_names
+from cgroup.io.files import load_json, number_lines
+from cgroup.io.scan_names import list_names
 from cgroup.rigid.transforms import quaternions, turn
 
 _UPPER = np.triu_indices(6)

@@ -18,7 +18,7 @@ from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_choice, as_flag, as_index, as_path, refusal
 from cgroup.errors import InputError
 from cgroup.io import write_file
-from cgroup.io._files import load_text, naming, written_path
+from cgroup.io.files import load_text, naming, written_path
 from cgroup.pose_graph.files import (
     GraphContent,
     format_g2o,

@@ -19,8 +19,8 @@ from cgroup._show.words import counted, number
 from cgroup.errors import InputError
 from cgroup.features import Cloud
 from cgroup.io import write_cloud, write_file
-from cgroup.io._files import check_outputs, written_path
-from cgroup.io._names import list_names, names_file
+from cgroup.io.files import check_outputs, written_path
+from cgroup.io.scan_names import list_names, names_file
 from cgroup.pose_graph import PoseGraph
 from cgroup.pose_graph.files import GraphContent, format_g2o, format_json
 from cgroup.registration import PreparedScan

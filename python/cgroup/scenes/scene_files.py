@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from cgroup.io._files import number_lines
-from cgroup.io._names import list_names
+from cgroup.io.files import number_lines
+from cgroup.io.scan_names import list_names
 from cgroup.pose_graph.files import motion_lines
 from cgroup.types import FloatArray
 

@@ -33,7 +33,7 @@ from cgroup.benchmark.report.standings import make_standings
 from cgroup.benchmark.report.tables import dataset_table, failure_table, plain_table, score_table
 from cgroup.benchmark.report.trials import make_trial_sections, overview_table
 from cgroup.io import write_file
-from cgroup.io._results import Results
+from cgroup.io.result_folders import Results
 from cgroup.pages.page import page_html, write_page
 
 if TYPE_CHECKING:  # slow to load

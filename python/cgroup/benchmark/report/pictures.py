@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from matplotlib.figure import Figure
 
 from cgroup.io import write_file
-from cgroup.io._results import make_folder
+from cgroup.io.result_folders import make_folder
 from cgroup.plots.style import method_styles
 
 RESOLUTION, CLOUD_RESOLUTION = 150, 100

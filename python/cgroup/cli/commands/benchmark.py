@@ -26,7 +26,7 @@ from cgroup.cli.show.terminal import (
 )
 from cgroup.cli.signals import StoppedError, stop_on_signals
 from cgroup.errors import InputError
-from cgroup.io._results import check_folder
+from cgroup.io.result_folders import check_folder
 
 if TYPE_CHECKING:  # slow to load
     from rich.progress import TaskID

@@ -39,7 +39,7 @@ from cgroup.comparison import (
     write_table,
 )
 from cgroup.evaluation.ground_truth import CORRECT_WITHIN
-from cgroup.io._results import Results
+from cgroup.io.result_folders import Results
 from cgroup.registration import correspond, register
 from cgroup.registry import label_of
 from cgroup.rigid import invert

@@ -23,7 +23,7 @@ from cgroup.evaluation.paired_tests import compare_results
 from cgroup.evaluation.recall_protocols import Recall, RecallProtocol
 from cgroup.evaluation.recalls import registration_recall
 from cgroup.evaluation.result_files import PairErrors, read_results, read_truth, show_pair
-from cgroup.io._files import written_path
+from cgroup.io.files import written_path
 from cgroup.types import BoolArray
 
 _OVERLAPS = (0.0, 0.1, 0.3, 0.5, 0.7, 1.0)

@@ -18,7 +18,7 @@ from cgroup.cli.show.terminal import (
     shown_name,
     write_figure,
 )
-from cgroup.io._results import Results
+from cgroup.io.result_folders import Results
 from cgroup.registration import Detector, describe, detect
 from cgroup.types import IndexArray, PointCloud
 

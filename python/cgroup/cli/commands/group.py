@@ -21,7 +21,7 @@ from cgroup.cli.show.terminal import print_facts, print_files, print_line, print
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.evaluation import match_errors
 from cgroup.group import check_method, group
-from cgroup.io._results import Results
+from cgroup.io.result_folders import Results
 from cgroup.registry import METHODS, label_of
 from cgroup.types import Correspondences, FloatArray, Grouping
 

@@ -15,8 +15,8 @@ from cgroup.cli.show.registration import placement_facts, registration_results
 from cgroup.cli.show.tables import Column, print_table, show_length
 from cgroup.cli.show.terminal import print_clouds, print_facts, print_line, print_pose, show_stages
 from cgroup.errors import InputError
-from cgroup.io._files import check_outputs
-from cgroup.io._results import Results, check_folder, make_folder
+from cgroup.io.files import check_outputs
+from cgroup.io.result_folders import Results, check_folder, make_folder
 from cgroup.maps.locate import as_disk
 from cgroup.maps.map_files import check_new
 from cgroup.registration import Registration

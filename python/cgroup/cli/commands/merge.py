@@ -19,10 +19,10 @@ from cgroup.cli.show.tables import Column, print_table, show_length
 from cgroup.cli.show.terminal import print_facts, print_line, show_stages, write_figure
 from cgroup.cli.wording import is_given
 from cgroup.errors import CgroupError
-from cgroup.io._attributes import unkept_attributes
-from cgroup.io._files import check_outputs
-from cgroup.io._folders import find_clouds
-from cgroup.io._results import Results, make_folder
+from cgroup.io.attributes import unkept_attributes
+from cgroup.io.files import check_outputs
+from cgroup.io.folders import find_clouds
+from cgroup.io.result_folders import Results, make_folder
 from cgroup.registration.covariance import deviations_at
 from cgroup.rigid import apply
 from cgroup.scenes import Scene, register_all

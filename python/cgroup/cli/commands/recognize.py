@@ -20,8 +20,8 @@ from cgroup.cli.show.json import Document
 from cgroup.cli.show.tables import Column, print_table, show_length
 from cgroup.cli.show.terminal import print_clouds, print_facts, print_files, show_stages
 from cgroup.errors import InputError, NoConsensusError
-from cgroup.io._files import check_outputs
-from cgroup.io._results import Results
+from cgroup.io.files import check_outputs
+from cgroup.io.result_folders import Results
 from cgroup.registration import Registration, recognize
 from cgroup.registration.motions import say_direction
 from cgroup.rigid import apply, rotation_error

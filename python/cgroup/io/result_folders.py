@@ -17,7 +17,7 @@ from tempfile import TemporaryFile
 from typing import Any, NamedTuple
 
 from cgroup.errors import InputError
-from cgroup.io._files import check_outputs, digest_of, is_input, listeners
+from cgroup.io.files import check_outputs, digest_of, is_input, listeners
 
 LIST = ".cgroup-files.jsonl"
 """Name of the list; processes that write to one folder append to it side by side."""

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from cgroup._checks.arrays import as_array
 from cgroup._checks.quoting import escape
 from cgroup.errors import InputError
-from cgroup.io._files import check_growth, parse_file, write_file
+from cgroup.io.files import check_growth, parse_file, write_file
 
 _KINDS = "biuf"  # numbers and truth values; others are records, texts, dates or pickled objects
 _CHUNK = 16 << 20  # bytes unpacked at a time

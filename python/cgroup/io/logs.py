@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from cgroup.errors import InputError
-from cgroup.io._files import load_text, number_lines
+from cgroup.io.files import load_text, number_lines
 from cgroup.rigid import check_rigid
 from cgroup.types import FloatArray, IndexArray
 

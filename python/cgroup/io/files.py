@@ -19,7 +19,7 @@ from cgroup._checks.quoting import escape
 from cgroup._checks.run_options import run_options
 from cgroup._checks.values import as_instance, as_path
 from cgroup.errors import InputError
-from cgroup.io._parts import remove_dead_parts, replace_whole
+from cgroup.io.parts import remove_dead_parts, replace_whole
 from cgroup.types import FloatArray
 
 Result = TypeVar("Result")
