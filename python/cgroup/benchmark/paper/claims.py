@@ -79,7 +79,14 @@ class Claim:
 
     @property
     def criterion(self) -> str:
-        """The test, in one sentence."""
+        """The test, in one sentence.
+
+        Examples
+        --------
+        >>> from cgroup.benchmark.paper.claims import CLAIMS
+        >>> CLAIMS[5].criterion
+        'P of NNSR higher than that of GC and 3DHV at each level of noise on B3R.'
+        """
         text = self.check.criterion
         return f"{text[0].upper()}{text[1:]}."
 
