@@ -129,7 +129,7 @@ def _into(
     """Return poses into the frames of some nodes, inverted if needed, and their covariances."""
     as_found = pairs[rows, 1] == to
     forward, spread = poses[rows], covariance[rows]
-    back = np.linalg.inv(forward)
+    back = np.asarray(np.linalg.inv(forward), np.float64)
     change = adjoint(back)
     turned = change @ spread @ change.transpose(0, 2, 1)
     return np.where(as_found[:, None, None], forward, back), np.where(as_found[:, None, None], spread, turned)

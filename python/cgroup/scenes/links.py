@@ -61,7 +61,7 @@ class Link:
     @property
     def inverse(self) -> Link:
         """The inverse link, with source and target swapped."""
-        back = np.linalg.inv(self.poses)
+        back = np.asarray(np.linalg.inv(self.poses), np.float64)
         change = adjoint(back[0])  # T^-1 = Exp(-Ad(T^-1) x) T_found^-1
         covariance = change @ self.covariance @ change.T
         return Link(back, self.chances, covariance, self.target_fitness, self.fitness)

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Literal
 
 from cgroup.benchmark.paper import PAPER_COMPLEXITY
-from cgroup.benchmark.paper.checks import TIE
 from cgroup.benchmark.paper.evidence import Sample
+from cgroup.benchmark.paper.numbers import TIE
 from cgroup.benchmark.report.cells import (
     MISSING,
     Cell,
