@@ -67,7 +67,7 @@ test-rust: | check-tools ## run the Rust tests
 	cargo test --release --locked
 
 test-python: $(VENV)/.ready-dev ## run the Python tests
-	$(BIN)/python -m pytest -n 2 --dist worksteal
+	$(BIN)/python -m pytest -n 2 --dist worksteal --durations=20
 
 test-random: $(VENV)/.ready-dev ## run the property tests with SEEDS fresh seeds
 	@failed=; for seed in $$($(BIN)/python -c 'import random; print(*random.sample(range(10**6), $(SEEDS)))'); do \

@@ -14,8 +14,8 @@ sys.path.insert(0, str(DOCS))
 from _site import claims  # noqa: E402
 
 from cgroup.benchmark.paper.claims import CLAIMS, OUTCOMES  # noqa: E402
-from cgroup.benchmark.paper.readings import read_questions  # noqa: E402
 from cgroup.benchmark.paper.verdicts import read_explanations  # noqa: E402
+from cgroup.benchmark.readings import read_questions  # noqa: E402
 
 
 @pytest.fixture(scope="module")

@@ -22,7 +22,7 @@ from cgroup.benchmark.entries import (
     TimingEntry,
     TrialsEntry,
 )
-from cgroup.benchmark.paper.readings import apply_readings
+from cgroup.benchmark.readings import apply_readings
 from cgroup.benchmark.solver import Solver
 from cgroup.errors import InputError
 from cgroup.io.files import load_text

@@ -71,7 +71,7 @@ class Question(_Table):
 @functools.cache
 def read_questions() -> tuple[Question, ...]:
     """Read all questions."""
-    text = files("cgroup.benchmark.paper").joinpath("readings.toml").read_text(encoding="utf-8")
+    text = files("cgroup.benchmark").joinpath("readings.toml").read_text(encoding="utf-8")
     return tuple(Question.model_validate(table) for table in tomllib.loads(text)["question"])
 
 
