@@ -44,7 +44,7 @@ def test_poses_of_several_pairs_share_a_folder(folder: Path, capsys: Capture) ->
     for name in ("source.ply", "target.ply"):
         (folder / "other" / name).write_bytes((folder / name).read_bytes())
     said = fail(capsys, "register", "other/source.ply", "other/target.ply")
-    assert "source_on_target.txt: is there, and not of these clouds; rename it, or give another" in said
+    assert "source_on_target.txt: is not the pose of these clouds; rename it, or give another" in said
     assert pose.read_bytes() == before
     write_cloud("source.ply", np.random.default_rng(0).normal(size=(3000, 3)) * 50)
     assert run(capsys, "register", "source.ply", "target.ply")[0] == 3
@@ -63,7 +63,7 @@ def test_poses_of_models_are_kept_apart_by_scene(folder: Path, capsys: Capture) 
     succeed(capsys, "recognize", "stone.ply", "--scene", "scene.ply")
     assert results_in(out) == ["stone_in_scene.ply", "stone_in_scene.txt"]
     pose.write_text("mine")
-    assert "is there, and not of these clouds" in fail(
+    assert "is not the pose of these clouds" in fail(
         capsys, "recognize", "stone.ply", "--scene", "scene.ply"
     )
     assert pose.read_text() == "mine"

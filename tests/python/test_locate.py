@@ -124,7 +124,7 @@ def test_a_map_is_kept_in_a_folder(tmp_path: Path) -> None:
     expected = locate(scan, place())[0].T_target_source
     for same in (loaded, pickle.loads(pickle.dumps(place()))):
         np.testing.assert_array_equal(locate(scan, same)[0].T_target_source, expected)
-    with pytest.raises(InputError, match="is there already"):
+    with pytest.raises(InputError, match="exists already"):
         place().save(tmp_path / "map")
     assert [path.name for path in tmp_path.iterdir()] == ["map"]
 

@@ -170,7 +170,7 @@ def test_own_pipelines_are_colored_too() -> None:
     names = ["cgroup", "mymodule:first", "mymodule:second"]
     table = pd.DataFrame(
         [
-            {"pipeline": name, "name": name, "refined": False, "set": "a", "overlap": 0.5, "right": True}
+            {"method": name, "name": name, "refined": False, "set": "a", "overlap": 0.5, "right": True}
             | {"seconds": 1.0, "kind": "related", "probability": 0.95}
             for name in names
             for _ in range(4)
@@ -186,7 +186,7 @@ def test_reliability_counts_unrelated_pairs_too() -> None:
     rows = [("related", True, 0.95)] * 3 + [("mirrored", False, 0.95), ("mixed", False, 0.2)]
     table = pd.DataFrame(
         [
-            {"pipeline": "cgroup", "name": "cgroup", "refined": False, "set": "a", "overlap": 0.5}
+            {"method": "cgroup", "name": "cgroup", "refined": False, "set": "a", "overlap": 0.5}
             | {"seconds": 1.0, "kind": kind, "right": right, "probability": chance}
             for kind, right, chance in rows
         ]

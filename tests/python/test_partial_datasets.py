@@ -140,7 +140,7 @@ def test_pairs_that_lack_a_file_are_left_out_and_named(
         ("stanford", "stanford_views/bunny/bun.conf", "bmesh a.ply 0 0 0 x 0 0 1\n", "bun.conf: can't read the pose"),
         ("stanford", "manifest.json", "[]", "manifest"),
         ("3dmatch", "threedmatch/hall-evaluation/gt.log", LOG[:-8], "gt.log: not a list of poses"),
-        ("fgr", "fgr/p1/features_0000.bin", "\1\0\0\0\3\0\0\0" + 20 * "\0", "features_0000.bin: says 1 points"),
+        ("fgr", "fgr/p1/features_0000.bin", "\1\0\0\0\3\0\0\0" + 20 * "\0", "features_0000.bin: declares 1 points"),
         ("u3m", "u3m/Chef/pairs.txt", "a.ply b.ply 1 2 3\n", "pairs.txt, line 1: has 5 words"),
     ],
 )  # fmt: skip

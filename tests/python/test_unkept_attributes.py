@@ -71,7 +71,7 @@ def test_commands_name_what_their_outputs_lack(
     pair = standin_pair(pixels=60)
     Path("source.ply").write_bytes(ply_of(pair.source.points, "intensity", "gps_time"))
     write_cloud("target.ply", pair.target)
-    assert "intensity, gps_time: neither used nor kept" in " ".join(
+    assert "intensity, gps_time: neither used nor written" in " ".join(
         succeed(capsys, "register", "source.ply", "target.ply").split()
     )
     said = json.loads(succeed(capsys, "register", "source.ply", "target.ply", "--json"))
