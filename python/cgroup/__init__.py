@@ -116,8 +116,7 @@ def __getattr__(name: str) -> _Any:  # noqa: ANN401 - a module or a function
     own = _ALIASES.get(name, name)
     if own in _ROOM_OF:
         return getattr(_importlib.import_module(f"cgroup.{_ROOM_OF[own]}"), own)
-    message = f"module 'cgroup' has no attribute {name!r}"
-    raise AttributeError(message, name=name, obj=_sys.modules[__name__])
+    raise AttributeError(f"module 'cgroup' has no attribute {name!r}", name=name, obj=_sys.modules[__name__])
 
 
 def __dir__() -> list[str]:

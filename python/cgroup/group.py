@@ -60,14 +60,6 @@ def group(
     Grouping
         In the order of the correspondences.
 
-    Raises
-    ------
-    InputError
-        For an unknown method, preset or option, where the method needs a field that is missing, or where a
-        field or an option has a value that the method can't work with.
-    OutOfMemoryError
-        Where the system gives no memory for the computation.
-
     See Also
     --------
     group_many : Many problems side by side.
@@ -129,15 +121,6 @@ def group_many(
     -------
     list of Grouping
         In the order of the problems.
-
-    Raises
-    ------
-    InputError
-        For what is no Correspondences, an unknown method, preset or option, where the method needs a field
-        that is missing, or where a field or an option has a value that the method can't work with. The first
-        problem that fails ends the work on the others.
-    OutOfMemoryError
-        Where the system gives no memory for the computation.
 
     See Also
     --------

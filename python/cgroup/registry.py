@@ -73,11 +73,6 @@ def find_method(name: object, otherwise: str = "") -> MethodInfo:
     -------
     MethodInfo
         With its public name.
-
-    Raises
-    ------
-    InputError
-        If there is no such method; the message lists all methods and suggests one.
     """
     info = look_up_method(name)
     if info is None:
@@ -99,11 +94,6 @@ def label_of(method: str) -> str:
     -------
     str
         Its short name.
-
-    Raises
-    ------
-    InputError
-        For a name that no method has.
 
     Examples
     --------

@@ -105,13 +105,6 @@ class Correspondences:
         Target points that each source point may match, the likeliest first, such as those of its k nearest
         descriptors.
 
-    Raises
-    ------
-    InputError
-        For a wrong shape or type, or frames on one side only; the message names the field and what to do.
-        What the numbers mean (finite points, frames that are rotations) is checked by the method that uses
-        them.
-
     Examples
     --------
     >>> import numpy as np
@@ -189,11 +182,6 @@ class Correspondences:
         -------
         matplotlib.figure.Figure or plotly.graph_objects.Figure
             Not shown; notebooks show what a cell returns.
-
-        Raises
-        ------
-        InputError
-            If the library for it isn't installed, or an argument doesn't fit.
         """
         given = {"source": source, "target": target, "pose": T_target_source, "correct": correct}
         everything = np.ones(len(self), dtype=bool)
@@ -214,7 +202,6 @@ def own_correspondences(fields: Fields) -> Correspondences:
 
 
 def _take_fields(matches: Correspondences, fields: Fields) -> None:
-    """Set the fields, whose arrays become read-only."""
     for name, value in fields._asdict().items():
         if isinstance(value, np.ndarray):
             value.flags.writeable = False
@@ -448,11 +435,6 @@ class Grouping:
             Score and rank, the cut, how many others it agrees with, its residual under the group's pose, and
             what would have kept it; ``str()`` of it is a few sentences.
 
-        Raises
-        ------
-        InputError
-            If there is no such row.
-
         Examples
         --------
         >>> from cgroup import ss
@@ -492,11 +474,6 @@ class Grouping:
         matplotlib.figure.Figure or plotly.graph_objects.Figure
             Not shown; notebooks show what a cell returns.
 
-        Raises
-        ------
-        InputError
-            If the library for it isn't installed, an argument doesn't fit, or the method was given no points.
-
         Examples
         --------
         >>> import numpy as np
@@ -515,7 +492,6 @@ class Grouping:
         return plot(given, matches, self.mask, interactive=interactive, title=title, grouping=self)
 
     def _pose(self) -> FloatArray | None:
-        """Return the rigid pose of the group, where it has one."""
         try:
             return self.transform()
         except NoConsensusError:
@@ -529,7 +505,6 @@ class Grouping:
         return self.size / max(len(self.mask), 1)
 
     def _rows(self) -> list[tuple[str, str]]:
-        """Return what a notebook shows of it."""
         scores = self.scores if self.scores is not None and len(self.scores) > 0 else None
         trust = "" if self.ok is None else ("can be trusted" if self.ok else "chance could have made it")
         return [
@@ -594,11 +569,6 @@ class PointCloud:
         PointCloud
             Moved points and viewpoint, rotated normals; faces and colours unchanged.
 
-        Raises
-        ------
-        InputError
-            If the transform isn't rigid: not (4,4) of finite numbers, a rotation and the row 0 0 0 1.
-
         Examples
         --------
         >>> import numpy as np
@@ -619,13 +589,7 @@ AnyCloud: TypeAlias = "PointCloud | ArrayLike | os.PathLike[str] | _Foreign"
 
 
 def find_cloud(name: str, cloud: object) -> PointCloud | None:
-    """Return a `PointCloud`, or one made of a cloud of another library; None for arrays.
-
-    Raises
-    ------
-    InputError
-        If its parts aren't points, normals and triangles; unknown colours are dropped.
-    """
+    """Return a `PointCloud`, or one made of a cloud of another library; None for arrays."""
     if isinstance(cloud, PointCloud):
         return cloud
     parts = cloud_parts(name, cloud)
@@ -638,13 +602,7 @@ def find_cloud(name: str, cloud: object) -> PointCloud | None:
 
 
 def as_cloud(name: str, cloud: AnyCloud) -> PointCloud:
-    """Return a `PointCloud` of points in any form.
-
-    Raises
-    ------
-    InputError
-        If they are no points.
-    """
+    """Return a `PointCloud` of points in any form."""
     if isinstance(cloud, PointCloud):
         return cloud
     return find_cloud(name, cloud) or PointCloud(as_points(name, cloud))

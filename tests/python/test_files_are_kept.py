@@ -63,9 +63,7 @@ def test_poses_of_models_are_kept_apart_by_scene(folder: Path, capsys: Capture) 
     succeed(capsys, "recognize", "stone.ply", "--scene", "scene.ply")
     assert results_in(out) == ["stone_in_scene.ply", "stone_in_scene.txt"]
     pose.write_text("mine")
-    assert "is not the pose of these clouds" in fail(
-        capsys, "recognize", "stone.ply", "--scene", "scene.ply"
-    )
+    assert "is not the pose of these clouds" in fail(capsys, "recognize", "stone.ply", "--scene", "scene.ply")
     assert pose.read_text() == "mine"
 
 

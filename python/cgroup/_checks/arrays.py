@@ -90,8 +90,9 @@ def as_reals(name: str, value: ArrayLike, remedy: str = "give an array of real n
         with np.errstate(over="ignore"):  # to infinity, which is refused or not as any other
             return np.require(array, kept, ["C_CONTIGUOUS", "ALIGNED"])
     except MemoryError as error:
-        message = f"{name}: no memory for a copy of shape {_shape(array)}; give fewer points"
-        raise OutOfMemoryError(message) from error
+        raise OutOfMemoryError(
+            f"{name}: no memory for a copy of shape {_shape(array)}; give fewer points"
+        ) from error
 
 
 def real_points(name: str, value: object) -> RealArray:

@@ -80,7 +80,6 @@ def bind_arguments(
 def _explain(
     function: Callable[..., Any], given: int, named: Iterable[str], too_many: str = ""
 ) -> InputError | None:
-    """Return the error for arguments that a function doesn't take."""
     parameters = signature(function).parameters.values()
     by_position = [one.name for one in parameters if one.kind == Parameter.POSITIONAL_OR_KEYWORD]
     options = [one.name for one in parameters if one.kind == Parameter.KEYWORD_ONLY]

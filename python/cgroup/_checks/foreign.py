@@ -33,13 +33,7 @@ class CloudParts(NamedTuple):
 
 
 def cloud_parts(name: str, value: Any) -> CloudParts | None:  # noqa: ANN401 - whatever is passed
-    """Return the parts of another library's cloud, or of a file; None for arrays, lists and other objects.
-
-    Raises
-    ------
-    InputError
-        For a table without columns named x, y and z, and a file that is no cloud.
-    """
+    """Return the parts of another library's cloud, or of a file; None for arrays, lists and other objects."""
     if isinstance(value, np.ndarray):
         fields = value.dtype.names
         return None if fields is None else _parts_of_columns(name, fields, value.__getitem__)
@@ -64,13 +58,7 @@ def cloud_parts(name: str, value: Any) -> CloudParts | None:  # noqa: ANN401 - w
 
 
 def as_host_array(name: str, value: Any) -> Any:  # noqa: ANN401 - whatever is passed
-    """Return the array of a tensor in main memory; anything else unchanged.
-
-    Raises
-    ------
-    InputError
-        For a tensor on another device.
-    """
+    """Return the array of a tensor in main memory; anything else unchanged."""
     if not (callable(getattr(value, "cpu", None)) and callable(getattr(value, "numpy", None))):
         only_dlpack = hasattr(value, "__dlpack__") and not hasattr(value, "__array__")
         return np.from_dlpack(value) if only_dlpack else value

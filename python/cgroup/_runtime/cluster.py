@@ -30,11 +30,6 @@ def reach_cluster(scheduler: object, threads: int = 1) -> Generator[Any, None, N
     """Return the client of a cluster: the one given, or one by the scheduler's address.
 
     `LOCAL` starts one in this process, with so many threads. A client that is given stays open.
-
-    Raises
-    ------
-    InputError
-        If Dask is not installed, or no scheduler can be reached.
     """
     try:
         from distributed import Client  # noqa: PLC0415 - optional
@@ -99,11 +94,6 @@ def work_on_cluster(
 
     `submit` gives a task to the client and returns the future. A task that has ended several workers has a
     `WorkersDiedError` as its result. What is under way, or has failed, is cancelled at the end.
-
-    Raises
-    ------
-    InputError
-        If the scheduler is lost (`if_lost` says what to do then), or workers lack a package.
     """
     from distributed import KilledWorker, as_completed  # noqa: PLC0415 - optional
 

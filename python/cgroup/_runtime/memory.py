@@ -43,21 +43,14 @@ CONTROL_GROUPS = Path("/sys/fs/cgroup")
 
 
 def reserve_linear_algebra() -> None:
-    """Have OpenBLAS take its buffer now: where it gets none later, it ends the process.
-
-    Raises
-    ------
-    OutOfMemoryError
-        If there is no room for it.
-    """
+    """Have OpenBLAS take its buffer now: where it gets none later, it ends the process."""
     try:
         mmap.mmap(-1, _LINEAR_ALGEBRA).close()
     except (OSError, MemoryError) as error:
-        message = (
+        raise OutOfMemoryError(
             f"no memory for NumPy's linear algebra, which takes up to {_LINEAR_ALGEBRA >> 20} MiB of address "
             "space; allow the process more memory"
-        )
-        raise OutOfMemoryError(message) from error
+        ) from error
     _ = np.eye(128) @ np.eye(128)  # too large for the kernels of AVX-512 that do without
 
 
@@ -70,10 +63,9 @@ def report_refused_memory() -> Generator[None, None, None]:
         raise
     except MemoryError as error:
         reason = str(error) or "the system gives no reason"
-        message = (
+        raise OutOfMemoryError(
             f"no memory ({reason}); give fewer points or fewer threads, or allow the process more memory"
-        )
-        raise OutOfMemoryError(message) from error
+        ) from error
 
 
 def max_memory_for(correspondences: int) -> int:

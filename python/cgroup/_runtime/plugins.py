@@ -18,11 +18,10 @@ def load_plugin(what: str, reference: str) -> Any:  # noqa: ANN401 - whatever th
     try:
         module = importlib.import_module(module_name)
     except ImportError as error:
-        message = (
+        raise InputError(
             f"{what}: can't import {module_name!r} for {reference!r} ({error}); "
             "install it, or put its folder on PYTHONPATH"
-        )
-        raise InputError(message) from error
+        ) from error
     if not attribute or not hasattr(module, attribute):
         remedy = f"module {module_name!r} has no {attribute!r}; write module:attribute"
         raise InputError(what, remedy=remedy)

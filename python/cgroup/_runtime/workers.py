@@ -27,11 +27,6 @@ def work_side_by_side(
 
     `work` takes an item, and a function to be called every now and then: it raises `InterruptedError` once
     another item has failed, or the user has interrupted.
-
-    Raises
-    ------
-    OutOfMemoryError
-        If the system starts no thread.
     """
     stopped = threading.Event()
 
@@ -44,11 +39,10 @@ def work_side_by_side(
         try:
             results = pool.map(lambda item: work(item, stop_with_the_others), items)
         except RuntimeError as error:  # of the pool, which starts its threads here
-            message = (
+            raise OutOfMemoryError(
                 f"the system does not start {workers} threads ({error}); give fewer threads, or allow the "
                 "process more threads or more memory"
-            )
-            raise OutOfMemoryError(message) from error
+            ) from error
         return list(results)
     finally:
         stopped.set()

@@ -43,5 +43,4 @@ def _load() -> Any:  # noqa: ANN401 - Open3D has no types
     try:
         return importlib.import_module("open3d")
     except (ImportError, OSError) as error:
-        message = f"Open3D can't be imported ({error}); {HELP}"
-        raise CgroupError(message) from error
+        raise CgroupError(f"Open3D can't be imported ({error}); {HELP}") from error

@@ -101,7 +101,6 @@ def places_of(points: CloudLike, name: str = "points") -> Places:
 
 
 def _find_places(points: RealArray, core: _core.Cloud, name: str) -> Places:
-    """Find one point for each place of a checked cloud."""
     first = find_distinct(points)
     if first is None:
         return Places(core)

@@ -89,11 +89,6 @@ def match(
     Matches
         In the order of the source rows, then of the rank.
 
-    Raises
-    ------
-    InputError
-        If the matches would take more than 1 GiB, beside wrong arguments.
-
     Examples
     --------
     >>> from cgroup import features

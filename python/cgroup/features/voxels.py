@@ -102,7 +102,6 @@ def voxel_downsample(
 
 
 def _mean_colors(colors: NDArray[np.uint8], voxels: IndexArray) -> NDArray[np.uint8]:
-    """Return the mean colour of each voxel."""
     if len(colors) != len(voxels):
         raise InputError("points.colors", f"{len(colors)} for {len(voxels)} points", "give one per point")
     sums = [np.bincount(voxels, weights=band) for band in np.asarray(colors).T]

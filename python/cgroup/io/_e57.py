@@ -35,8 +35,6 @@ _TAKEN = {*_CARTESIAN, *_SPHERICAL, *_NORMAL, *_COLOR, *_INVALID}
 
 
 class _Field(NamedTuple):
-    """A number of every record."""
-
     entry: Element
     kind: str
     bits: int
@@ -45,8 +43,9 @@ class _Field(NamedTuple):
     def unpack(self, stream: bytes, count: int) -> FloatArray:
         """Return the numbers of all records."""
         if 8 * len(stream) < count * self.bits:
-            message = f"{_name(self.entry)}: {len(stream)} bytes for {count} points of {self.bits} bits"
-            raise InputError(message)
+            raise InputError(
+                f"{_name(self.entry)}: {len(stream)} bytes for {count} points of {self.bits} bits"
+            )
         if self.kind == "Float":
             return np.frombuffer(stream, f"<f{self.bits // 8}", count).astype(np.float64)
         plain = np.frombuffer(stream + bytes(9), np.uint8)
@@ -67,8 +66,7 @@ def parse_e57(content: bytes) -> CloudContent:
         scans = [scan for scan in scans if scan.count]
         check_growth("its points", 8 * sum(scan.count * len(scan.taken) for scan in scans), len(content))
         if sum(scan.length for scan in scans) > len(data):
-            message = "its scans overlap in the file"
-            raise InputError(message)
+            raise InputError("its scans overlap in the file")
         return join([scan.read() for scan in scans])
 
 
@@ -91,24 +89,22 @@ def unread_fields(file: BinaryIO) -> list[str]:
 def _checked_pages(content: bytes) -> bytes:
     """Return what the pages hold, where the checksum of each is right."""
     if content[:8] != b"ASTM-E57":
-        message = "doesn't begin with ASTM-E57"
-        raise InputError(message)
+        raise InputError("doesn't begin with ASTM-E57")
     major, _, length, page = struct.unpack_from("<IIQ16xQ", content, 8)
     if (major, page) != (1, _PAGE):
-        message = f"version {major} with pages of {page} bytes; version 1 with pages of {_PAGE} is read"
-        raise InputError(message)
+        raise InputError(
+            f"version {major} with pages of {page} bytes; version 1 with pages of {_PAGE} is read"
+        )
     if length > len(content) or length % _PAGE:
-        message = f"{len(content)} of {length} bytes"
-        raise InputError(message)
+        raise InputError(f"{len(content)} of {length} bytes")
     pages = np.frombuffer(content, np.uint8, length).reshape(-1, _PAGE)
     for first in range(0, len(pages), _PAGES):
         block = pages[first : first + _PAGES]
         wrong = np.flatnonzero(_checksums(block[:, :_USED]) != block[:, _USED:].copy().view(">u4")[:, 0])
         if len(wrong):
-            message = (
+            raise InputError(
                 f"page {first + wrong[0]} does not match its checksum: the file is damaged, copy it again"
             )
-            raise InputError(message)
     return pages[:, :_USED].tobytes()
 
 
@@ -136,20 +132,17 @@ def _logical(address: int) -> int:
 
 
 def _description(data: bytes, content: bytes) -> Element:
-    """Return the root of the XML."""
     address, length = struct.unpack_from("<QQ", content, _XML_PLACE)
     start = _logical(address)
     text = data[start : start + length]
     if len(text) < length or length > _LONGEST_XML:
-        message = f"a description of {length} bytes"
-        raise InputError(message)
+        raise InputError(f"a description of {length} bytes")
     return _parse_xml(text)
 
 
 def _parse_xml(text: bytes) -> Element:
     if b"<!DOCTYPE" in text:  # what entities stand for could be of any size
-        message = "its description has a document type, which E57 has not"
-        raise InputError(message)
+        raise InputError("its description has a document type, which E57 has not")
     return ET.fromstring(text.decode())  # noqa: S314 - of bounded size, and without entities
 
 
@@ -173,33 +166,27 @@ def _number(entry: Element | None, name: str) -> float:
 
 
 class _Scan:
-    """One scan of a file."""
-
     def __init__(self, data: bytes, entry: Element) -> None:
         points = _child(entry, "points")
         if points is None:
-            message = "a scan without points"
-            raise InputError(message)
+            raise InputError("a scan without points")
         self._data, self._entry = data, entry
         self._fields = [_field(leaf) for leaf in _children(points, "prototype")]
         names = [_name(field.entry) for field in self._fields]
         again = next((name for name, times in Counter(names).items() if times > 1), None)
         if again is not None:
-            message = f"a scan with several fields {again}"
-            raise InputError(message)
+            raise InputError(f"a scan with several fields {again}")
         self.taken = {row: name for row, name in enumerate(names) if name in _TAKEN}
         self.count = int(points.get("recordCount", ""))
         if self.count == 0:  # nothing need be where its records would be
             return
         self._start = _logical(int(points.get("fileOffset", "")))
         if self.count < 0 or self._start < 0:
-            message = f"{self.count} points from byte {self._start} on"
-            raise InputError(message)
+            raise InputError(f"{self.count} points from byte {self._start} on")
         kind, self.length, first = struct.unpack_from("<B7xQQ", data, self._start)
         self._packets = _logical(first)
         if kind != 1 or self._start + self.length > len(data):
-            message = f"points of {self.length} bytes from byte {self._start} on"
-            raise InputError(message)
+            raise InputError(f"points of {self.length} bytes from byte {self._start} on")
 
     def read(self) -> CloudContent:
         """Return the points that are valid, and NaN for the others."""
@@ -208,8 +195,9 @@ class _Scan:
         if points is None:
             polar, names = _stack(columns, _SPHERICAL), "spherical"
             if polar is None:
-                message = f"a scan of {', '.join(_name(field.entry) for field in self._fields)}; no points"
-                raise InputError(message)
+                raise InputError(
+                    f"a scan of {', '.join(_name(field.entry) for field in self._fields)}; no points"
+                )
             distance, azimuth, elevation = polar.T
             across = distance * np.cos(elevation)
             directions = (across * np.cos(azimuth), across * np.sin(azimuth), distance * np.sin(elevation))
@@ -235,8 +223,7 @@ class _Scan:
             kind, last = struct.unpack_from("<BxH", self._data, place)
             packet = memoryview(self._data)[place : min(place + last + 1, end)]
             if len(packet) <= last or len(packet) % 4:
-                message = f"a packet of {last + 1} bytes"
-                raise InputError(message)
+                raise InputError(f"a packet of {last + 1} bytes")
             place += len(packet)
             if kind == _DATA_PACKET:
                 _add(streams, packet, len(self._fields))
@@ -276,8 +263,7 @@ def _field(entry: Element) -> _Field:
     least, most = int(entry.get("minimum", -(2**63))), int(entry.get("maximum", 2**63 - 1))
     bits = (most - least).bit_length()
     if most < least or bits > 64:
-        message = f"{_name(entry)}: from {least} to {most}"
-        raise InputError(message)
+        raise InputError(f"{_name(entry)}: from {least} to {most}")
     return _Field(entry, kind, bits, least)
 
 
@@ -287,8 +273,7 @@ def _add(streams: dict[int, bytearray], packet: memoryview, fields: int) -> None
     lengths = np.frombuffer(packet, "<u2", count, offset=6)
     ends = np.cumsum(lengths, dtype=np.int64) + 6 + 2 * count
     if count != fields or (count and ends[-1] > len(packet)):
-        message = f"a packet of {len(packet)} bytes with {count} streams for {fields} fields"
-        raise InputError(message)
+        raise InputError(f"a packet of {len(packet)} bytes with {count} streams for {fields} fields")
     for row in streams:
         streams[row] += packet[ends[row] - lengths[row] : ends[row]]
 

@@ -30,32 +30,26 @@ def parse_gltf(content: bytes, folder: Path | None = None) -> CloudContent:
     text, binary = _chunks(content) if content[:4] == b"glTF" else (content, b"")
     document: Any = json.loads(text)
     if str(document["asset"]["version"]).split(".")[0] != "2":
-        message = f"version {document['asset']['version']}; version 2 is read"
-        raise InputError(message)
+        raise InputError(f"version {document['asset']['version']}; version 2 is read")
     with np.errstate(all="ignore"):  # numbers of files may be any
         return _Scene(document, binary, folder, len(content)).read()
 
 
 def _chunks(content: bytes) -> tuple[bytes, bytes]:
-    """Return JSON and buffer of a GLB file."""
     version, length = struct.unpack_from("<II", content, 4)
     if version != 2 or length > len(content):
-        message = f"version {version}, {len(content)} of {length} bytes"
-        raise InputError(message)
+        raise InputError(f"version {version}, {len(content)} of {length} bytes")
     chunks, place = {_JSON: b"", _BINARY: b""}, 12
     while place < length:
         size, kind = struct.unpack_from("<II", content, place)
         if size > length - place - 8:
-            message = f"a chunk of {size} bytes at byte {place} of {length}"
-            raise InputError(message)
+            raise InputError(f"a chunk of {size} bytes at byte {place} of {length}")
         chunks[kind] = chunks.get(kind) or content[place + 8 : place + 8 + size]
         place += 8 + size
     return chunks[_JSON], chunks[_BINARY]
 
 
 class _Scene:
-    """The document with its buffers."""
-
     def __init__(self, document: Any, binary: bytes, folder: Path | None, size: int) -> None:  # noqa: ANN401
         self._document, self._binary, self._folder = document, binary, folder
         self._buffers: dict[int, bytes] = {}
@@ -70,8 +64,7 @@ class _Scene:
             row, parent = waiting.pop()
             node = self._item("nodes", row)
             if row in seen:
-                message = f"node {row} has two parents, or is its own"
-                raise InputError(message)
+                raise InputError(f"node {row} has two parents, or is its own")
             seen.add(row)
             matrix = np.einsum("ij,jk->ik", parent, _local(node))
             waiting.extend((child, matrix) for child in reversed(node.get("children", [])))
@@ -93,8 +86,7 @@ class _Scene:
     def _item(self, kind: str, row: Any) -> Any:  # noqa: ANN401 - whatever stands in the file
         items = self._document.get(kind, [])
         if type(row) is not int or not 0 <= row < len(items):
-            message = f"{kind} has no entry {row!r}, only {len(items)}"
-            raise InputError(message)
+            raise InputError(f"{kind} has no entry {row!r}, only {len(items)}")
         return items[row]
 
     def _part(self, attributes: tuple[Any, ...], primitives: list[Any], matrix: FloatArray) -> CloudContent:
@@ -104,8 +96,7 @@ class _Scene:
         normals = None if normal is None else self._accessor(normal, "VEC3")
         colors = None if color is None else self._accessor(color, "VEC3", "VEC4")
         if any(len(values) != len(points) for values in (normals, colors) if values is not None):
-            message = f"{len(points)} points, but other numbers of normals or colours"
-            raise InputError(message)
+            raise InputError(f"{len(points)} points, but other numbers of normals or colours")
         meshes = [self._faces(primitive, len(points)) for primitive in primitives]
         triangles = [mesh for mesh in meshes if mesh is not None]
         faces = np.concatenate(triangles) if triangles else None
@@ -133,8 +124,7 @@ class _Scene:
             numbers = self._accessor(primitive["indices"], "SCALAR")[:, 0]
             wrong = numbers[~((numbers >= 0) & (numbers < count) & (numbers % 1 == 0))]
             if len(wrong):
-                message = f"a triangle names point {wrong[0]:.15g} of {count}"
-                raise InputError(message)
+                raise InputError(f"a triangle names point {wrong[0]:.15g} of {count}")
             corners = numbers.astype(np.int64)
         self._grow(24 * len(corners))
         if mode == _TRIANGLES:
@@ -145,12 +135,10 @@ class _Scene:
         return np.stack([corners[rows], corners[rows + 1 + rows % 2], corners[rows + 2 - rows % 2]], axis=1)
 
     def _accessor(self, row: Any, *kinds: str) -> FloatArray:  # noqa: ANN401
-        """Return the rows of an accessor."""
         entry = self._item("accessors", row)
         count, kind = _count(entry["count"]), entry["type"]
         if kind not in kinds:
-            message = f"accessor {row} has {kind}; {' or '.join(kinds)} belongs there"
-            raise InputError(message)
+            raise InputError(f"accessor {row} has {kind}; {' or '.join(kinds)} belongs there")
         width = _WIDTHS[kind]
         self._grow(8 * count * width)
         values = np.zeros((count, width))
@@ -161,8 +149,7 @@ class _Scene:
             some = _count(sparse["count"])
             rows = self._rows(sparse["indices"], sparse["indices"]["componentType"], some, 1)[:, 0]
             if rows.dtype.kind != "u" or rows.max(initial=0) >= count:
-                message = f"accessor {row} has no row {rows.max(initial=0)}"
-                raise InputError(message)
+                raise InputError(f"accessor {row} has no row {rows.max(initial=0)}")
             values[rows] = self._rows(sparse["values"], entry["componentType"], some, width)
         if entry.get("normalized") and entry["componentType"] in _COMPONENTS:
             component = np.dtype(_COMPONENTS[entry["componentType"]])
@@ -178,12 +165,10 @@ class _Scene:
     def _rows(self, entry: Any, component: Any, count: int, width: int) -> NDArray[Any]:  # noqa: ANN401
         """Return rows of numbers of a part of a buffer."""
         if component not in _COMPONENTS:
-            message = f"numbers of component type {component!r}"
-            raise InputError(message)
+            raise InputError(f"numbers of component type {component!r}")
         view = self._item("bufferViews", entry["bufferView"])
         if "EXT_meshopt_compression" in view.get("extensions", {}):
-            message = "its buffers are compressed by meshopt; write it without"
-            raise InputError(message)
+            raise InputError("its buffers are compressed by meshopt; write it without")
         whole = self._buffer(view["buffer"])
         start, length = _count(view.get("byteOffset", 0)), _count(view["byteLength"])
         content = memoryview(whole)[start : start + length]
@@ -191,8 +176,7 @@ class _Scene:
         step = _count(view.get("byteStride", 0)) or width * dtype.itemsize
         needed = offset + step * (count - 1) + width * dtype.itemsize if count else 0
         if len(content) < length or needed > length:
-            message = f"{count} rows from byte {offset} on in {len(content)} of {length} bytes"
-            raise InputError(message)
+            raise InputError(f"{count} rows from byte {offset} on in {len(content)} of {length} bytes")
         return np.ndarray((count, width), dtype, content, offset if count else 0, (step, dtype.itemsize))
 
     def _buffer(self, row: Any) -> bytes:  # noqa: ANN401
@@ -207,8 +191,7 @@ class _Scene:
             else:
                 content = self._beside(unquote(uri))
             if len(content) < length:
-                message = f"buffer {row} has {len(content)} of {length} bytes"
-                raise InputError(message)
+                raise InputError(f"buffer {row} has {len(content)} of {length} bytes")
             self._buffers[row] = content
             self._size += len(content)
         return self._buffers[row]
@@ -218,24 +201,21 @@ class _Scene:
         folder = self._folder
         is_plain = name.endswith(".bin") and name == Path(name).name and not set(name) & set("/\\:")
         if folder is None or not is_plain or (folder / name).resolve().parent != folder.resolve():
-            message = f"its buffer {name!r} is no .bin file beside it; put it there, or write GLB"
-            raise InputError(message)
+            raise InputError(f"its buffer {name!r} is no .bin file beside it; put it there, or write GLB")
         return read_content(folder / name)
 
 
 def _attributes(primitive: Any) -> tuple[Any, ...]:  # noqa: ANN401
     """Return the accessors of points, normals and colours; None for those that there are none of."""
     if "KHR_draco_mesh_compression" in primitive.get("extensions", {}):
-        message = "its meshes are compressed by Draco; write it without"
-        raise InputError(message)
+        raise InputError("its meshes are compressed by Draco; write it without")
     attributes = primitive["attributes"]
     return attributes["POSITION"], attributes.get("NORMAL"), attributes.get("COLOR_0")
 
 
 def _count(value: Any) -> int:  # noqa: ANN401 - whatever stands in the file
     if type(value) is not int or value < 0:
-        message = f"{value!r}, where a whole number from 0 on belongs"
-        raise InputError(message)
+        raise InputError(f"{value!r}, where a whole number from 0 on belongs")
     return value
 
 

@@ -73,11 +73,6 @@ def read_cloud(path: str | os.PathLike[str]) -> PointCloud:
     PointCloud
         Points, and normals, faces, colours and the scanner's place where the file has them.
 
-    Raises
-    ------
-    InputError
-        If the file is missing, unreadable, cut off, of an unknown format, no file, or has no finite point.
-
     Examples
     --------
     >>> from pathlib import Path
@@ -93,12 +88,10 @@ def read_cloud(path: str | os.PathLike[str]) -> PointCloud:
     reader = partial(parse_gltf, folder=path.parent) if suffix == ".gltf" else PARSERS.get(suffix)
     if reader is None:
         if path.is_dir():
-            message = f"{path}: is a directory, not a file"
-            raise InputError(message)
+            raise InputError(f"{path}: is a directory, not a file")
         known = " ".join(sorted(PARSERS))
         hint = "; `read_depth` reads depth images" if suffix == ".png" else ""
-        message = f"{path}: unknown point cloud format {path.suffix!r}; known are {known}{hint}"
-        raise InputError(message)
+        raise InputError(f"{path}: unknown point cloud format {path.suffix!r}; known are {known}{hint}")
     return _finite_cloud(path, parse_file(path, reader))
 
 
@@ -117,12 +110,6 @@ def write_cloud(path: str | os.PathLike[str], cloud: AnyCloud, *, dtype: Real = 
         viewers want single precision. That is refused where points would move by more than a millionth of
         the cloud's size: far from the origin, as in UTM, it hasn't enough digits.
 
-    Raises
-    ------
-    InputError
-        If the suffix is another one, `cloud` is no cloud, single precision would lose digits, or the file
-        can't be written.
-
     Examples
     --------
     >>> from cgroup.io import read_cloud, write_cloud
@@ -140,7 +127,6 @@ def write_cloud(path: str | os.PathLike[str], cloud: AnyCloud, *, dtype: Real = 
 
 
 def _check_digits(points: FloatArray) -> None:
-    """Refuse points that single precision would move."""
     finite = points[np.isfinite(points).all(axis=1)]
     if len(finite) == 0:
         return
@@ -226,11 +212,6 @@ def write_keypoints(path: str | os.PathLike[str], cloud: AnyCloud, indices: Arra
         The whole cloud.
     indices : (m,) array_like of int
         Rows of the cloud.
-
-    Raises
-    ------
-    InputError
-        If the suffix or `cloud` is wrong, a row is none of its points, or the file can't be written.
     """
     path, rows = as_path("path", path), as_rows("indices", indices)
     cloud = as_cloud("cloud", cloud)
@@ -253,11 +234,6 @@ def write_descriptors(path: str | os.PathLike[str], described: DescribedCloud) -
         Must end in ``.npz``; the arrays are named as the fields of `DescribedCloud`.
     described : DescribedCloud
         What to write.
-
-    Raises
-    ------
-    InputError
-        If the suffix is another one, `described` is no `DescribedCloud`, or the file can't be written.
     """
     path = written_path(path, "descriptors", ".npz")
     as_instance("described", described, DescribedCloud)
@@ -276,11 +252,6 @@ def read_descriptors(path: str | os.PathLike[str]) -> DescribedCloud:
     -------
     DescribedCloud
         Exactly what was written.
-
-    Raises
-    ------
-    InputError
-        If the file is missing or unreadable, or lacks an array.
 
     Examples
     --------
@@ -315,13 +286,11 @@ def _finite_cloud(path: Path, content: CloudContent) -> PointCloud:
     """Leave out points that aren't finite, and the triangles that touch them."""
     points, normals, faces, colors, viewpoint = content
     if len(points) == 0:
-        message = f"{path}: holds no points"
-        raise InputError(message)
+        raise InputError(f"{path}: holds no points")
     keep: BoolArray = np.asarray(np.isfinite(points).all(axis=1))
     dropped = len(points) - int(np.count_nonzero(keep))
     if dropped == len(points):
-        message = f"{path}: none of its {dropped} points is finite"
-        raise InputError(message)
+        raise InputError(f"{path}: none of its {dropped} points is finite")
     if viewpoint is not None and not np.isfinite(viewpoint).all():
         viewpoint = None
     if dropped == 0:
@@ -355,11 +324,9 @@ def _content_of(array: NDArray[Any]) -> CloudContent:
 
 def _points(array: NDArray[Any]) -> FloatArray:
     if array.dtype.kind not in "biuf":
-        message = f"points are {array.dtype}; numbers belong there"
-        raise InputError(message)
+        raise InputError(f"points are {array.dtype}; numbers belong there")
     if array.ndim != 2 or array.shape[1] != 3:
-        message = f"points have shape {array.shape} instead of (N, 3)"
-        raise InputError(message)
+        raise InputError(f"points have shape {array.shape} instead of (N, 3)")
     return np.asarray(array, dtype=np.float64)
 
 

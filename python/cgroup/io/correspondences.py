@@ -39,11 +39,6 @@ def read_correspondences(path: str | os.PathLike[str]) -> Correspondences:
     Correspondences
         One row per match, in the file's order.
 
-    Raises
-    ------
-    InputError
-        If the file is missing or unreadable, or its content can't be correspondences.
-
     Examples
     --------
     >>> from pathlib import Path
@@ -55,8 +50,7 @@ def read_correspondences(path: str | os.PathLike[str]) -> Correspondences:
     path = as_path("path", path)
     suffix = path.suffix.lower()
     if suffix in PARSERS.keys() - _TABLES and read_content(path):
-        message = f"{path}: is a cloud, not matches; use `register` to place one cloud on another"
-        raise InputError(message)
+        raise InputError(f"{path}: is a cloud, not matches; use `register` to place one cloud on another")
     if suffix == ".npz":
         arrays = read_arrays(path, ("source", "target"), OPTIONAL_FIELDS)
     else:
@@ -97,11 +91,6 @@ def write_correspondences(path: str | os.PathLike[str], correspondences: Corresp
     correspondences : Correspondences
         What to write.
 
-    Raises
-    ------
-    InputError
-        If the suffix is another one, `correspondences` is something else, or the file can't be written.
-
     Examples
     --------
     >>> import numpy as np
@@ -127,11 +116,6 @@ def write_mask(path: str | os.PathLike[str], mask: ArrayLike) -> None:
         ``.npy`` (bool), or text of any other suffix: one 0 or 1 per line.
     mask : (n,) array_like of bool
         Aligned with the correspondences.
-
-    Raises
-    ------
-    InputError
-        If the mask isn't (n,) of bool, or the file can't be written.
     """
     path = as_path("path", path)
     values = as_mask("mask", mask)

@@ -48,12 +48,6 @@ def read_depth(
     PointCloud
         Points row by row; `PointCloud.viewpoint` is the camera, the origin.
 
-    Raises
-    ------
-    InputError
-        If the file is missing, unreadable, no depth image or without a reading, or `intrinsics` or `scale`
-        is invalid.
-
     Examples
     --------
     >>> import numpy as np
@@ -68,12 +62,10 @@ def read_depth(
     divisor = None if scale is None else as_length("scale", scale)
     readers = {".png": _parse_png, ".npy": load_npy}
     if path.suffix.lower() not in readers:
-        message = f"{path}: depth images are read from {' and '.join(readers)}"
-        raise InputError(message)
+        raise InputError(f"{path}: depth images are read from {' and '.join(readers)}")
     image = parse_file(path, readers[path.suffix.lower()])
     if image.ndim != 2:
-        message = f"{path}: shape {image.shape}; a depth image has (height, width)"
-        raise InputError(message)
+        raise InputError(f"{path}: shape {image.shape}; a depth image has (height, width)")
     if divisor is None:
         divisor = 1.0 if image.dtype.kind == "f" else _MILLIMETRES
     rows, columns = np.nonzero(np.isfinite(image) & (image > 0))
@@ -82,13 +74,11 @@ def read_depth(
         points = np.stack([(columns - cx) * z / fx, (rows - cy) * z / fy, z], axis=1)
     points = points[np.isfinite(points).all(axis=1)]
     if len(points) == 0:
-        message = f"{path}: none of its {image.size} pixels has a depth"
-        raise InputError(message)
+        raise InputError(f"{path}: none of its {image.size} pixels has a depth")
     return PointCloud(points, dropped=image.size - len(points), viewpoint=np.zeros(3))
 
 
 def _pinhole(intrinsics: ArrayLike) -> tuple[float, float, float, float]:
-    """Return fx, fy, cx, cy."""
     given = as_floats("intrinsics", intrinsics)
     if given.shape == (3, 3) and given[0, 1] == given[1, 0] == 0 and given[2].tolist() == [0, 0, 1]:
         given = given[[0, 1, 0, 1], [0, 1, 2, 2]]
@@ -105,23 +95,19 @@ def _pinhole(intrinsics: ArrayLike) -> tuple[float, float, float, float]:
 def _parse_png(content: bytes) -> NDArray[Any]:
     """Return the pixels of an image of 16 bits; its size is looked at before it is unpacked."""
     if content[:8] != b"\x89PNG\r\n\x1a\n":
-        message = "doesn't begin as a PNG file"
-        raise InputError(message)
+        raise InputError("doesn't begin as a PNG file")
     width, height, bits, kind = struct.unpack_from(">IIBB", content, 16)
     if (bits, kind) != (16, 0):
-        message = f"{bits} bits of colour type {kind}; a depth image has one channel of 16 bits"
-        raise InputError(message)
+        raise InputError(f"{bits} bits of colour type {kind}; a depth image has one channel of 16 bits")
     check_growth("its pixels", 8 * width * height, len(content))
     if width * height > _MOST_PIXELS:
-        message = f"{width} x {height} pixels; at most {_MOST_PIXELS} are read"
-        raise InputError(message)
+        raise InputError(f"{width} x {height} pixels; at most {_MOST_PIXELS} are read")
     _check_chunks(content)
     from PIL import Image  # noqa: PLC0415 - an extra
 
     with Image.open(io.BytesIO(content), formats=["PNG"]) as image:
         if image.size != (width, height):
-            message = f"sizes {width} x {height} and {image.width} x {image.height}"
-            raise InputError(message)
+            raise InputError(f"sizes {width} x {height} and {image.width} x {image.height}")
         return np.asarray(image)
 
 
@@ -132,8 +118,7 @@ def _check_chunks(content: bytes) -> None:
         length, name = struct.unpack_from(">I4s", content, place)
         (checksum,) = struct.unpack_from(">I", content, place + 8 + length)
         if zlib.crc32(content[place + 4 : place + 8 + length]) != checksum:
-            message = (
+            raise InputError(
                 f"the data at byte {place} do not match their checksum: the file is damaged, copy it again"
             )
-            raise InputError(message)
         place += 12 + length

@@ -42,11 +42,6 @@ def write_file(path: str | os.PathLike[str], content: bytes) -> None:
         Where to; a file that is there is replaced once the new one is complete.
     content : bytes
         All that it is to hold.
-
-    Raises
-    ------
-    InputError
-        If the path is a link, a pipe or a device, or the file can't be written, with the system's reason.
     """
     path, content = as_path("path", path), as_instance("content", content, bytes)
     check_outputs([path])
@@ -57,8 +52,7 @@ def write_file(path: str | os.PathLike[str], content: bytes) -> None:
         replace_whole(path, content, lambda: [tell(path, content) for tell in listeners])
     except (OSError, UnicodeEncodeError) as error:
         reason = error.strerror or error if isinstance(error, OSError) else "no such file name"
-        message = f"{path}: can't be written ({reason})"
-        raise InputError(message) from error
+        raise InputError(f"{path}: can't be written ({reason})") from error
 
 
 listeners: list[Callable[[Path, bytes], object]] = []
@@ -126,11 +120,9 @@ def check_outputs(paths: Iterable[Path], inputs: Iterable[str | os.PathLike[str]
     kept = {*_run.read, *map(_identify, inputs)} - {None}
     for path in paths:
         if _identify(path) in kept:
-            message = f"{path}: is one of the inputs, and would be replaced; write elsewhere"
-            raise InputError(message)
+            raise InputError(f"{path}: is one of the inputs, and would be replaced; write elsewhere")
         if kind := _irregular(path):
-            message = f"{path}: is {kind}, not a file; write elsewhere, or remove it"
-            raise InputError(message)
+            raise InputError(f"{path}: is {kind}, not a file; write elsewhere, or remove it")
 
 
 def _irregular(path: Path) -> str | None:
@@ -158,16 +150,16 @@ def written_path(path: str | os.PathLike[str], what: str, *suffixes: str) -> Pat
     path = as_path("path", path)
     if path.suffix.lower() not in suffixes:
         formats = " or ".join(suffix[1:].upper() for suffix in suffixes)
-        message = f"{path}: {what} are written as {formats}; use a name that ends in {' or '.join(suffixes)}"
-        raise InputError(message)
+        raise InputError(
+            f"{path}: {what} are written as {formats}; use a name that ends in {' or '.join(suffixes)}"
+        )
     return path
 
 
 def check_growth(what: str, grown: int, packed: int, remedy: str = "") -> None:
     """Refuse what would take much more memory than its file has bytes."""
     if grown > max(_TRUSTED, _MOST_GROWTH * packed):
-        message = f"{what} would grow from {packed} to {grown} bytes{remedy}"
-        raise InputError(message)
+        raise InputError(f"{what} would grow from {packed} to {grown} bytes{remedy}")
 
 
 @contextmanager
@@ -176,8 +168,7 @@ def naming(path: Path) -> Generator[None]:
     try:
         yield
     except InputError as error:
-        message = f"{path}: {error}"
-        raise InputError(message) from error
+        raise InputError(f"{path}: {error}") from error
 
 
 def read_content(path: str | os.PathLike[str]) -> bytes:
@@ -194,8 +185,7 @@ def read_content(path: str | os.PathLike[str]) -> bytes:
         if reason:
             return reason
         reason = "the file is empty"
-    message = f"{path}: {reason}"
-    raise InputError(message)
+    raise InputError(f"{path}: {reason}")
 
 
 def _open_and_read(path: Path) -> bytes | str:
@@ -228,16 +218,14 @@ def parse_file(path: Path, parse: Callable[[bytes], Result]) -> Result:
     try:
         return parse(content)
     except ModuleNotFoundError as error:
-        message = f"{path}: reading it needs {error.name}; pip install 'cgroup[scans]'"
-        raise InputError(message) from error
+        raise InputError(f"{path}: reading it needs {error.name}; pip install 'cgroup[scans]'") from error
     except MemoryError:
         raise
     except Exception as error:
         said = "the end of the file" if isinstance(error, struct.error) else str(error)
         reason = escape(" ".join(said.split())[:_SHOWN]) or type(error).__name__
         kind = path.suffix.lstrip(".").upper() or "text"
-        message = f"{path}: not a readable {kind} file, or cut off ({reason})"
-        raise InputError(message) from error
+        raise InputError(f"{path}: not a readable {kind} file, or cut off ({reason})") from error
 
 
 def load_numbers(content: bytes) -> FloatArray:
@@ -255,15 +243,13 @@ def load_json(content: str | bytes) -> Any:  # noqa: ANN401 - whatever the text 
     try:
         return json.loads(content, parse_int=_whole_number)
     except RecursionError as error:
-        message = "its lists or objects are nested too deeply"
-        raise InputError(message) from error
+        raise InputError("its lists or objects are nested too deeply") from error
 
 
 def _whole_number(word: str) -> int:
     number = int(word) if len(word) <= _MOST_DIGITS else _LARGEST
     if abs(number) >= _LARGEST:
-        message = f"a number of {len(word)} digits; whole numbers are of 64 bits at most"
-        raise InputError(message)
+        raise InputError(f"a number of {len(word)} digits; whole numbers are of 64 bits at most")
     return number
 
 

@@ -17,13 +17,7 @@ _OTHERS_TOO = {".csv", ".npy", ".npz", ".txt"}
 
 
 def find_clouds(name: str, paths: Iterable[str | os.PathLike[str]]) -> list[Path]:
-    """Return the files that paths stand for: the clouds of a folder, and what a pattern matches, by name.
-
-    Raises
-    ------
-    InputError
-        If a folder has no cloud, or nothing matches a pattern.
-    """
+    """Return the files that paths stand for: the clouds of a folder, and what a pattern matches, by name."""
     return [file for path in paths for file in _files_of(name, as_path(name, path))]
 
 
@@ -43,8 +37,7 @@ def _files_of(name: str, path: Path) -> list[Path]:
     else:
         return [path]
     if not files:
-        where = f"{name}: {escape(text)}"
-        raise InputError(where, got, remedy)
+        raise InputError(f"{name}: {escape(text)}", got, remedy)
     return sorted(files)
 
 
@@ -52,5 +45,4 @@ def _listed(folder: Path) -> list[Path]:
     try:
         return [file for file in folder.iterdir() if file.is_file() and not file.name.startswith(".")]
     except OSError as error:
-        message = f"{folder}: can't be read ({error.strerror or error})"
-        raise InputError(message) from error
+        raise InputError(f"{folder}: can't be read ({error.strerror or error})") from error

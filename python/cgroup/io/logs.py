@@ -35,11 +35,9 @@ def read_matrices(
             found[first, second] = check(matrix, f"pose {first} {second}")
     except (ValueError, OverflowError) as error:
         form = f"{size + 1} lines each: `i j n`, then a {size}x{size} matrix"
-        message = f"{path}: not a list of poses; {form} ({error})"
-        raise InputError(message) from error
+        raise InputError(f"{path}: not a list of poses; {form} ({error})") from error
     if len(found) * (size + 1) < len(lines):
-        message = f"{path}: lists a pair twice; give each pair once"
-        raise InputError(message)
+        raise InputError(f"{path}: lists a pair twice; give each pair once")
     return found
 
 

@@ -62,8 +62,7 @@ def read_arrays(
     found, arrays = parse_file(path, load)
     lacking = next((name for name in needed if name not in found), None)
     if lacking is not None:
-        message = f"{path}: has no array {lacking!r}; it holds {escape(_listed(found))}"
-        raise InputError(message)
+        raise InputError(f"{path}: has no array {lacking!r}; it holds {escape(_listed(found))}")
     return arrays
 
 
@@ -76,8 +75,7 @@ def load_npz_points(content: bytes) -> NDArray[Any]:
             return np.stack([_unpack(archive, axes[axis], entries[axes[axis]]) for axis in "xyz"], axis=1)
         names = [name for name in ("points", "xyz") if name in entries] or list(entries)
         if not names or (len(names) > 1 and names[0] != "points"):
-            message = f"has no array named points or xyz, nor x, y and z; it holds {_listed(entries)}"
-            raise InputError(message)
+            raise InputError(f"has no array named points or xyz, nor x, y and z; it holds {_listed(entries)}")
         return _unpack(archive, names[0], entries[names[0]], _KINDS + "V")
 
 
@@ -90,7 +88,6 @@ def _listed(names: Iterable[str]) -> str:
 
 
 def _unpack(archive: zipfile.ZipFile, name: str, entry: zipfile.ZipInfo, kinds: str = _KINDS) -> NDArray[Any]:
-    """Read one array."""
     remedy = "; write one that large without compression, by numpy.savez"
     check_growth(f"array {name!r}", entry.file_size, entry.compress_size, remedy)
     with archive.open(entry) as file:
@@ -98,30 +95,24 @@ def _unpack(archive: zipfile.ZipFile, name: str, entry: zipfile.ZipInfo, kinds: 
 
 
 def _read_array(file: IO[bytes], size: int, kinds: str = _KINDS) -> NDArray[Any]:
-    """Read an array from a file of so many bytes."""
     version = npy_format.read_magic(file)
     readers = {(1, 0): npy_format.read_array_header_1_0, (2, 0): npy_format.read_array_header_2_0}
     if version not in readers:
-        message = f"an array in version {version} of its format; numbers are written in 1.0 or 2.0"
-        raise InputError(message)
+        raise InputError(f"an array in version {version} of its format; numbers are written in 1.0 or 2.0")
     shape, is_fortran, dtype = readers[version](file)
     if dtype.kind not in kinds or dtype.hasobject or (dtype.kind == "V" and not dtype.names):
-        message = f"an array of {dtype}; numbers belong there"
-        raise InputError(message)
+        raise InputError(f"an array of {dtype}; numbers belong there")
     if dtype.itemsize == 0:
-        message = f"an array of {dtype}, which takes no room"
-        raise InputError(message)
+        raise InputError(f"an array of {dtype}, which takes no room")
     needed, rest = math.prod(shape) * dtype.itemsize, size - file.tell()
     if needed > rest or min(shape, default=0) < 0:
-        message = f"an array of shape {shape} takes {needed} bytes, and {rest} are there"
-        raise InputError(message)
+        raise InputError(f"an array of shape {shape} takes {needed} bytes, and {rest} are there")
     flat = np.empty(math.prod(shape), dtype=dtype)
     plain, start = flat.view(np.uint8), 0
     while start < len(plain):
         chunk = file.read(min(_CHUNK, len(plain) - start))
         if not chunk:
-            message = f"the end of the file after {start} of {len(plain)} bytes"
-            raise InputError(message)
+            raise InputError(f"the end of the file after {start} of {len(plain)} bytes")
         plain[start : start + len(chunk)] = np.frombuffer(chunk, dtype=np.uint8)
         start += len(chunk)
     return flat.reshape(shape, order="F" if is_fortran else "C")
@@ -131,6 +122,7 @@ def single_number(path: Path, value: ArrayLike) -> float:
     """Return the resolution that a file has; raise unless it is one number."""
     array = as_array("resolution", value)
     if array.size != 1 or array.dtype.kind not in "fiu":
-        message = f"{path}: resolution has shape {array.shape} of {array.dtype}; it is a single number"
-        raise InputError(message)
+        raise InputError(
+            f"{path}: resolution has shape {array.shape} of {array.dtype}; it is a single number"
+        )
     return float(array.reshape(()))

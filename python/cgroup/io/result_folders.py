@@ -47,8 +47,6 @@ def remove_file(path: Path) -> None:
 
 
 class _Line(NamedTuple):
-    """A file that a run wrote."""
-
     by: str
     run: str
     digest: str
@@ -76,8 +74,9 @@ class Results:
         lines = self._read()
         for path in paths:
             if os.path.lexists(path) and not path.is_dir() and not self._found(path, lines):
-                message = f"{path}: is there, and not as cgroup wrote it; move it, or give another folder"
-                raise InputError(message)
+                raise InputError(
+                    f"{path}: is there, and not as cgroup wrote it; move it, or give another folder"
+                )
 
     @contextmanager
     def writing(self, run: str = "") -> Generator[list[Path]]:
@@ -150,7 +149,6 @@ class Results:
         return lines
 
     def _append(self, name: str, line: _Line) -> None:
-        """Add a line, unless it is there."""
         if line in self._read()[name]:
             return
         entry = {"by": line.by, "run": line.run, "file": name, "sha256": line.digest}
@@ -168,5 +166,4 @@ def _refusing(path: Path, what: str) -> Generator[None]:
     try:
         yield
     except (OSError, ValueError) as error:
-        message = f"{path}: {what} ({getattr(error, 'strerror', None) or error})"
-        raise InputError(message) from error
+        raise InputError(f"{path}: {what} ({getattr(error, 'strerror', None) or error})") from error

@@ -42,12 +42,6 @@ def read_transform(path: str | os.PathLike[str]) -> FloatArray:
     (4,4) array of float64
         The transform.
 
-    Raises
-    ------
-    InputError
-        If the file is missing or unreadable, holds several poses, or no rigid transform: numbers column by
-        column are refused, and quaternions whose length is not 1.
-
     Examples
     --------
     >>> from pathlib import Path
@@ -62,8 +56,7 @@ def read_transform(path: str | os.PathLike[str]) -> FloatArray:
     """
     poses = read_transforms(path)
     if len(poses) > 1:
-        message = f"{path}: holds {len(poses)} poses; give a file with one of them"
-        raise InputError(message)
+        raise InputError(f"{path}: holds {len(poses)} poses; give a file with one of them")
     return poses[0]
 
 
@@ -81,11 +74,6 @@ def read_transforms(path: str | os.PathLike[str]) -> FloatArray:
     -------
     (m,4,4) array of float64
         In the file's order, without times.
-
-    Raises
-    ------
-    InputError
-        If the file is missing or unreadable, or a pose isn't rigid; poses count from 1.
 
     Examples
     --------
@@ -117,17 +105,16 @@ def _load_json(content: bytes) -> NDArray[Any]:
     if isinstance(value, dict):
         lists = [entry for entry in value.values() if isinstance(entry, list)]
         if len(lists) != 1:
-            message = f"{len(lists)} of its entries are lists; one is to be, that of the pose's numbers"
-            raise InputError(message)
+            raise InputError(
+                f"{len(lists)} of its entries are lists; one is to be, that of the pose's numbers"
+            )
         value = lists[0]
     try:
         array = np.asarray(value)
     except ValueError as error:
-        message = "its lists are of unequal lengths"
-        raise InputError(message) from error
+        raise InputError("its lists are of unequal lengths") from error
     if array.dtype.kind not in "iuf":
-        message = "its lists hold something else than numbers"
-        raise InputError(message)
+        raise InputError("its lists hold something else than numbers")
     return array
 
 
@@ -140,11 +127,6 @@ def write_transform(path: str | os.PathLike[str], transform: ArrayLike) -> None:
         ``.npy``, or text of any other suffix.
     transform : (4,4) or (3,4) array_like of float
         Rotation and translation.
-
-    Raises
-    ------
-    InputError
-        If it isn't rigid, or the file can't be written.
 
     Examples
     --------
@@ -202,8 +184,7 @@ def from_quaternions(name: str, rows: FloatArray) -> FloatArray:
         first = abs(firsts[wrong[0]] - 1) <= RIGID_TOLERANCE
         hint = "; the first four numbers are one: write tx ty tz qx qy qz qw" if first else ""
         where = _pose_name(name, int(wrong[0]), len(rows))
-        message = f"{where}: its quaternion is of length {lengths[wrong[0]]:.6g}, not 1{hint}"
-        raise InputError(message)
+        raise InputError(f"{where}: its quaternion is of length {lengths[wrong[0]]:.6g}, not 1{hint}")
     x, y, z, w = (rows[:, 3:] / lengths[:, None]).T
     poses = np.tile(np.eye(4), (len(rows), 1, 1))
     poses[:, :3, :3], poses[:, :3, 3] = turn(x, y, z, w), rows[:, :3]

@@ -154,23 +154,17 @@ def as_disk(near: ArrayLike | None, radius: float | None) -> Disk | None:
 
 
 class _Place(NamedTuple):
-    """Cells of a map, and proposed poses there."""
-
     cells: IndexArray
     proposed: FloatArray | None
 
 
 class _Candidate(NamedTuple):
-    """A pose found in one place of the map, and its evidence."""
-
     pose: FloatArray
     case: Case
     found: Found
 
 
 class _Locating:
-    """The search for a scan in a map."""
-
     def __init__(self, source: PreparedScan, level: Level, search: Search, around: Disk | None) -> None:
         self._source, self._level, self._search = source, level, search
         points = source.voxels.points

@@ -23,8 +23,7 @@ _VERSION = 2
 def check_new(folder: Path) -> Path:
     """Raise if a folder exists."""
     if folder.exists():
-        message = f"{folder}: exists already; give the name of a new folder"
-        raise InputError(message)
+        raise InputError(f"{folder}: exists already; give the name of a new folder")
     return folder
 
 
@@ -38,12 +37,10 @@ def save_arrays(folder: Path, facts: Mapping[str, Any], arrays: Mapping[str, NDA
             content = json.dumps({**document, "check": _check_of(document)})
             (beside / _FACTS).write_text(content, encoding="utf-8")
     except OSError as error:
-        message = f"{folder}: can't be written ({error.strerror or error})"
-        raise InputError(message) from error
+        raise InputError(f"{folder}: can't be written ({error.strerror or error})") from error
 
 
 def _save(path: Path, array: NDArray[Any]) -> int:
-    """Write an array, and return the checksum of its file."""
     np.save(path, array, allow_pickle=False)
     check = 0
     with path.open("rb") as file:
@@ -90,5 +87,6 @@ def _load(folder: Path, name: str, check: int) -> NDArray[Any]:
 
 def not_a_map(folder: Path, reason: object) -> InputError:
     """Return the error for a folder that can't be read."""
-    message = f"{folder}: no folder that `PreparedMap.save` has written ({reason}); save the map again"
-    return InputError(message)
+    return InputError(
+        f"{folder}: no folder that `PreparedMap.save` has written ({reason}); save the map again"
+    )

@@ -54,7 +54,6 @@ def find_layers(points: FloatArray, normals: FloatArray, axis: FloatArray | None
 
 
 def _main_direction(normals: FloatArray) -> FloatArray:
-    """Return the main direction of normals."""
     direction = np.linalg.eigh(normals.T @ normals)[1][:, 2]
     for _ in range(_ROUNDS):
         near = normals[np.abs(normals @ direction) > _FLAT]
@@ -64,7 +63,6 @@ def _main_direction(normals: FloatArray) -> FloatArray:
 
 
 def _upright(up: FloatArray) -> FloatArray:
-    """Return a rotation of a direction to z."""
     vectors = np.linalg.qr(np.column_stack([up, np.eye(3)]))[0].T
     vectors[0] = up
     turn = vectors[[1, 2, 0]]

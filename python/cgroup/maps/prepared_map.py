@@ -299,7 +299,6 @@ def prepare_map(
 
 
 def _describe(cloud: Cloud, voxel: float, threads: int | None, begin: Callable[[str], Any]) -> Level:
-    """Describe a map at one voxel."""
     begin(f"voxels of {voxel:.4g}")
     thinned = features.voxel_downsample(cloud, _BETWEEN_POINTS * voxel, threads=threads)
     if len(thinned) < LEAST_VOXELS:

@@ -280,7 +280,6 @@ def _controls(notes: Mapping[str, str], *, has_progress: bool) -> Iterator[_Desc
 
 
 def _type_of(option: MethodOption) -> tuple[str, str]:
-    """Return annotation, and type in words, of an option."""
     if option.kind == "choice":
         choices = ", ".join(f'"{one}"' if isinstance(one, str) else str(one) for one in option.range)
         return f"Literal[{choices}]", f"{{{choices}}}"

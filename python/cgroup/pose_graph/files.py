@@ -65,8 +65,7 @@ def parse_text(content: str) -> GraphContent:
             rows[kind].append([number, *_parse_numbers(number, kind, words)])
         elif kind != "FIX" and not kind.startswith("#"):
             known = "poses in space, as VERTEX_SE3:QUAT and EDGE_SE3:QUAT, or VERTEX3 and EDGE3"
-            message = f"line {number}: {escape(cut(kind))} is not read; give {known}"
-            raise InputError(message)
+            raise InputError(f"line {number}: {escape(cut(kind))} is not read; give {known}")
     lines, nodes, poses, _ = _arrays_of(rows, "VERTEX_SE3:QUAT", "VERTEX3")
     edge_lines, ends, measurements, information = _arrays_of(rows, "EDGE_SE3:QUAT", "EDGE3")
     if len(nodes) == 0:  # GTSAM's text has edges only
@@ -91,8 +90,7 @@ def _parse_numbers(line: int, kind: str, words: list[str]) -> list[float]:
     except ValueError:
         values = []
     if len(values) != _NUMBERS[kind] or not all(map(math.isfinite, values)):
-        message = f"line {line}: {kind} needs {_NUMBERS[kind]} finite numbers"
-        raise InputError(message)
+        raise InputError(f"line {line}: {kind} needs {_NUMBERS[kind]} finite numbers")
     return values
 
 
@@ -125,8 +123,7 @@ def _split(kind: str, rows: list[list[float]]) -> tuple[IndexArray, IndexArray, 
 
 def _refuse(lines: IndexArray, is_bad: BoolArray, reason: str) -> None:
     if is_bad.any():
-        message = f"line {lines[int(np.argmax(is_bad))]}: {reason}"
-        raise InputError(message)
+        raise InputError(f"line {lines[int(np.argmax(is_bad))]}: {reason}")
 
 
 def definite(information: FloatArray) -> tuple[FloatArray, BoolArray]:
@@ -192,8 +189,9 @@ def parse_json(content: str) -> GraphContent:
         information, changed = definite(information)
         probability = np.array([0.5 if edge["uncertain"] else 1.0 for edge in edges])
     except (KeyError, TypeError, ValueError, OverflowError) as error:
-        message = f"no PoseGraph of Open3D with nodes and edges ({escape(cut(str(error)))})"
-        raise InputError(message) from error
+        raise InputError(
+            f"no PoseGraph of Open3D with nodes and edges ({escape(cut(str(error)))})"
+        ) from error
     notes = _notes_of(changed, [f"edge {row}" for row in np.flatnonzero(changed)])
     return GraphContent(poses, ends, measurements, information, probability, np.arange(len(poses)), notes)
 

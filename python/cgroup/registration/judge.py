@@ -334,7 +334,6 @@ def choose_apart(poses: FloatArray, center: FloatArray, voxel: float) -> list[in
 
 
 def _explain(found: Found, open_motions: str) -> str:
-    """Return the reason why a pose is rejected."""
     if open_motions:
         return open_motions
     if found.better_scale != 1.0:

@@ -32,8 +32,10 @@ def as_matches(matches: object, source: PreparedScan, target: PreparedScan) -> C
                 name, f"{points[wrong[0]].tolist()} in row {wrong[0]}", "drop matches without a place"
             )
     if not are_rigid(frame_poses(given)).all():
-        frames = "matches.source_lrf, matches.target_lrf"
-        raise InputError(frames, remedy="give frames whose rows are x, y and z axes, NaN for none")
+        raise InputError(
+            "matches.source_lrf, matches.target_lrf",
+            remedy="give frames whose rows are x, y and z axes, NaN for none",
+        )
     fields = {name: getattr(given, name) for name in FIELDS}
     fields["resolution"] = UNIT * source.voxel
     if given.resolution is not None:

@@ -313,7 +313,6 @@ def _rows_given(scan: Scan, rows: IndexArray) -> IndexArray:
 
 
 def _detect(front: PaperFront, scan: Scan, pr: float, threads: int | None) -> IndexArray:
-    """Find the keypoints that have enough support, with the unit `pr`."""
     cloud = scan.cloud
     if front.detector == "h3d":
         size, nms = _times(pr, front.harris_radius, front.nms_radius)
@@ -338,7 +337,6 @@ def _describe(
     threads: int | None,
     begin: Callable[[str], Any],
 ) -> DescribedCloud:
-    """Detect keypoints, and give each a frame and a descriptor."""
     cloud, radius = scan.cloud, SUPPORT_RADIUS * pr
     begin("normals")
     directions = _find_normals(scan, front.normals, viewpoint, threads)
@@ -362,7 +360,6 @@ def _times(pr: float, *radii: float | None) -> list[float | None]:
 
 
 def _find_normals(scan: Scan, normals: Normals, viewpoint: ArrayLike, threads: int | None) -> FloatArray:
-    """Find the normals of a checked cloud."""
     if not scan.has(normals):
         raise InputError(
             "normals",
@@ -390,7 +387,6 @@ def _compute_descriptors(
     radius: float,
     threads: int | None,
 ) -> NDArray[np.float32]:
-    """Describe keypoints."""
     match descriptor:
         case "shot":
             return features.shot(cloud, normals, keypoints, radius=radius, lrf=frames, threads=threads)

@@ -76,7 +76,6 @@ def _label_neighbors(cells: IndexArray) -> IndexArray:
 
 
 def _center(points: FloatArray, labels: IndexArray, count: int) -> FloatArray:
-    """Return the mean of the points of each part."""
     rows = np.flatnonzero(labels >= 0)
     sums = np.zeros((count, 3))
     np.add.at(sums, labels[rows], points[rows])

@@ -88,7 +88,6 @@ def _fit_plane(points: FloatArray, voxel: float, rng: np.random.Generator) -> In
 
 
 def _fit(points: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Fit the least-squares plane: normal and centre."""
     center = points.mean(axis=0)
     offsets = points - center
     return np.linalg.eigh(offsets.T @ offsets)[1][:, 0], center
@@ -133,7 +132,6 @@ def count_agreeing(source: Planes, target: Planes, pose: FloatArray, voxel: floa
 
 
 def _squared_distances(one: FloatArray, other: FloatArray) -> FloatArray:
-    """Return squared distances between points, (n,m)."""
     return (one**2).sum(axis=1)[:, None] + (other**2).sum(axis=1) - 2 * (one @ other.T)
 
 

@@ -329,8 +329,9 @@ def prepare(
     as_choice("normals", normals, NORMALS)
     viewpoint = as_viewpoint(viewpoint, view_direction)
     if normals != "pca" and viewpoint is not None:
-        both = "viewpoint, normals"
-        raise InputError(both, f"both, but {normals!r} normals are those of whole models", "give one")
+        raise InputError(
+            "viewpoint, normals", f"both, but {normals!r} normals are those of whole models", "give one"
+        )
     if normals == "pca":
         scan = as_surface("cloud", cloud)
         viewpoint = scan.stored_viewpoint if viewpoint is None else viewpoint
@@ -525,7 +526,6 @@ def _refuse_late_options(
 
 
 def _shared_voxel(prepared: Sequence[PreparedScan], voxel: float | None) -> float:
-    """Return the voxel of scans that are ready."""
     first = prepared[0]
     alike = all(scan.voxel == first.voxel and scan.front == first.front for scan in prepared)
     if alike and (voxel is None or as_length("voxel", voxel) == first.voxel):
@@ -595,9 +595,8 @@ def _choose_by_number(scans: Sequence[Scan], threads: int | None) -> float:
             return size
     if len(thin(small.cloud, needed, threads=threads)) < LEAST_VOXELS:
         return size  # too few whatever the other
-    parameters = f"{small.name}, {large.name}"
     raise InputError(
-        parameters,
+        f"{small.name}, {large.name}",
         remedy=(
             f"{small.diagonal:.4g} and {large.diagonal:.4g} across, no voxel suits both; give "
             "the same unit, or cut the larger down to where the smaller may lie"
@@ -606,7 +605,6 @@ def _choose_by_number(scans: Sequence[Scan], threads: int | None) -> float:
 
 
 def _check_least_voxels(scan: Scan, voxel: float, count: int) -> None:
-    """Refuse voxels that leave too little of a cloud."""
     if count < FEW_VOXELS:
         finer = (
             ""
@@ -618,7 +616,6 @@ def _check_least_voxels(scan: Scan, voxel: float, count: int) -> None:
 
 
 def _check_most_voxels(scan: Scan, voxel: float, count: int) -> None:
-    """Refuse voxels that leave too much of a cloud."""
     if count > MOST_VOXELS:
         left = f"{_say_filled(scan, voxel, count)}; {MOST_VOXELS} are allowed"
         raise InputError(scan.name, remedy=f"{left}: give a larger `voxel`")
@@ -644,5 +641,4 @@ def _check_normals(scan: Scan, voxel: float, normals: FloatArray) -> None:
 
 
 def _signs(normals: FloatArray, towards: FloatArray) -> FloatArray:
-    """Return -1 where a normal points away from a direction, else 1."""
     return np.where(np.einsum("ij,ij->i", normals, towards) < 0, -1.0, 1.0)

@@ -250,8 +250,7 @@ def assess(
     scans = _prepare_both((source, target), places, voxel, None, search.threads, clock)
     found = search.run(*scans)
     if found is None:
-        message = "no pose that keeps the axis, neither that given nor another"
-        raise NoConsensusError(message)
+        raise NoConsensusError("no pose that keeps the axis, neither that given nor another")
     points, best = found.source.voxels.points, found.refined.T_target_source
     moved = float(np.sqrt(((apply(given, points) - apply(best, points)) ** 2).sum(axis=1).mean()))
     chance = found.probability * 0.5 ** (moved / (MOVED_BY_REFINING * found.source.voxel)) ** 4
@@ -334,8 +333,9 @@ def refine(
     clock.start("refinement")
     found = confirm_pose(*scans, verified.T_target_source, workers)
     if found is None:
-        message = "the surfaces do not overlap under the pose; its error may be some three voxels"
-        raise NoConsensusError(message)
+        raise NoConsensusError(
+            "the surfaces do not overlap under the pose; its error may be some three voxels"
+        )
     judgement = judge(found, *scans)
     reason = (judgement.reason,) if judgement.reason else ()
     done = registration_of(found, judgement, clock.stop())
@@ -438,7 +438,6 @@ def _prepare_both(
     *,
     with_descriptors: bool = True,
 ) -> tuple[PreparedScan, PreparedScan]:
-    """Prepare source and target."""
     clock.start("voxel size")
     given = _as_both(clouds, viewpoints)
     shared = agree(given, voxel, front, threads)
@@ -451,7 +450,6 @@ def _prepare_both(
 def _as_both(
     clouds: Sequence[PreparedScan | Cloud | AnyCloud], viewpoints: Sequence[ArrayLike | None]
 ) -> tuple[Given, Given]:
-    """Check source and target."""
     source, target = (
         as_given(name, cloud, place, or_stored=True)
         for name, cloud, place in zip(("source", "target"), clouds, viewpoints, strict=True)
@@ -462,7 +460,6 @@ def _as_both(
 def _register(
     search: Search, source: PreparedScan, target: PreparedScan
 ) -> tuple[Registration | None, Judgement]:
-    """Search for the pose of two prepared scans, and judge it."""
     found = search.run(source, target)
     judgement = judge(found, source, target, search.axis)
     return None if found is None else registration_of(found, judgement, search.clock.stop()), judgement
@@ -479,7 +476,6 @@ def _fronts_of(front: object) -> tuple[DenseFront | None, PaperFront | None]:
 
 
 def _check_alone(given: Mapping[str, object]) -> None:
-    """Raise if there are two sources of poses."""
     names = [name for name, value in given.items() if value is not None]
     if len(names) > 1:
         raise InputError(", ".join(names), remedy="give one of them: each alone proposes the poses")
@@ -489,8 +485,9 @@ def _refuse_beside_scale(**others: object) -> None:
     """Raise for arguments in the source's unit, which is unknown."""
     for name, value in others.items():
         if value is not None:
-            both = f"scale, {name}"
-            raise InputError(both, remedy=f"the scale is estimated from all voxels; leave out `{name}`")
+            raise InputError(
+                f"scale, {name}", remedy=f"the scale is estimated from all voxels; leave out `{name}`"
+            )
 
 
 def as_pairs(pairs: Iterable[tuple[int, int]], scans: int) -> list[tuple[int, int]]:
@@ -516,8 +513,10 @@ def as_viewpoints(
     if viewpoints is None:
         return [shared] * scans
     if shared is not None:
-        several = "viewpoint, view_direction, viewpoints"
-        raise InputError(several, remedy="give one of them: a place, a direction, or one place per scan")
+        raise InputError(
+            "viewpoint, view_direction, viewpoints",
+            remedy="give one of them: a place, a direction, or one place per scan",
+        )
     places = as_items("viewpoints", viewpoints, "give one per scan, or None for it")
     if len(places) != scans:
         raise InputError(

@@ -113,8 +113,7 @@ class Registration:
             """Raise for an unknown attribute; suggest ours for the names of other libraries."""
             ours = _ELSEWHERE.get(name)
             guess = f"; did you mean {ours!r}?" if ours else ""
-            message = f"a Registration has no {name!r}{guess}"
-            raise AttributeError(message, name=name, obj=self)
+            raise AttributeError(f"a Registration has no {name!r}{guess}", name=name, obj=self)
 
     @property
     def resolution(self) -> float:

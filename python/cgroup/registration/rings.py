@@ -168,7 +168,6 @@ class _Chords(NamedTuple):
 
 
 def _rays_from(place: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return directions of points from a place, and their ranges."""
     rays = points - place
     ranges = np.maximum(np.linalg.norm(rays, axis=1), np.finfo(float).tiny)
     return rays / ranges[:, None], ranges

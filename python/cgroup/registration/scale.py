@@ -172,7 +172,6 @@ def _describe_sizes(
 def _find_scales(
     sources: list[_Described], targets: list[_Described], low: float, high: float, threads: int | None
 ) -> list[float]:
-    """Return the likeliest scales."""
     pairs = [(source, target) for source in sources for target in targets]
     finest = [pair for pair in pairs if pair[0] is sources[0] or pair[1] is targets[0]]
     votes: list[tuple[float, float]] = []
@@ -226,7 +225,6 @@ def _distances(points: FloatArray) -> FloatArray:
 
 
 def _scaled(given: Given, scale: float) -> Given:
-    """Return a scan in another unit."""
     scan, place = given.whole, given.viewpoint
     cloud = Cloud(scale * in_double(scan.cloud.points), name=scan.name)
     if place is not None and not isinstance(place, ViewDirection):
@@ -252,7 +250,6 @@ def _weigh_scales(
 
 
 def _unscaled(done: Registration, scale: float, deviation: float) -> Registration:
-    """Return the registration of the unscaled source."""
     change = scaling(scale)
     pose, matches = done.T_target_source @ change, scale_matches(done.correspondences, 1 / scale)
     positions, grouping = (matches.source, matches.target), done.grouping

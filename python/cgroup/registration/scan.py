@@ -80,8 +80,9 @@ def as_viewpoint(
     if view_direction is None:
         return viewpoint
     if viewpoint is not None:
-        both = "viewpoint, view_direction"
-        raise InputError(both, remedy="give one: the scanner's place, or its direction")
+        raise InputError(
+            "viewpoint, view_direction", remedy="give one: the scanner's place, or its direction"
+        )
     return ViewDirection(*as_direction("view_direction", view_direction, "(0, 0, -1)").tolist())
 
 
@@ -288,7 +289,6 @@ def as_surface(name: str, cloud: Scan | Cloud | AnyCloud) -> Scan:
 
 
 def _sampled(name: str, mesh: PointCloud) -> Scan:
-    """Return points on the faces of a mesh as a scan."""
     points = real_points(name, mesh.points)
     _surface_of(name, mesh, len(points))
     scan = as_scan(name, replace(sample_mesh(mesh), viewpoint=mesh.viewpoint), distinct=True)
@@ -353,15 +353,14 @@ def without_strays(scan: Scan) -> Scan:
 
 
 def _surface_of(name: str, cloud: PointCloud, count: int) -> tuple[FloatArray | None, IndexArray | None]:
-    """Check the normals and faces of a cloud of `count` points."""
     normals = None if cloud.normals is None else in_double(real_normals(f"{name}.normals", cloud.normals))
     faces = None if cloud.faces is None else as_faces(f"{name}.faces", cloud.faces)
     if normals is not None and len(normals) != count:
-        parameter = f"{name}.normals"
-        raise InputError(parameter, f"{len(normals)} for {count} points", "give one per point, NaN for none")
+        raise InputError(
+            f"{name}.normals", f"{len(normals)} for {count} points", "give one per point, NaN for none"
+        )
     if faces is not None and faces.max(initial=-1) >= count:
-        parameter = f"{name}.faces"
-        raise InputError(parameter, f"row {faces.max()}, but there are {count} points")
+        raise InputError(f"{name}.faces", f"row {faces.max()}, but there are {count} points")
     return normals, faces
 
 
@@ -370,9 +369,8 @@ def check_sizes(scans: Sequence[Scan]) -> None:
     sizes = [scan.diagonal for scan in scans]
     if max(sizes) > MAX_SIZE_RATIO * min(sizes):
         one, other = (scans[row] for row in sorted([sizes.index(min(sizes)), sizes.index(max(sizes))]))
-        parameter = f"{one.name}, {other.name}"
         raise InputError(
-            parameter,
+            f"{one.name}, {other.name}",
             remedy=(
                 f"{one.diagonal:.3g} and {other.diagonal:.3g} across; scale them to the same "
                 "unit, or drop points far from all others"

@@ -112,7 +112,6 @@ class Search:
         return self.finish(None if found is None else found.turned())
 
     def _turned(self) -> Search:
-        """Return the search for the inverse pose."""
         proposed = None if self.proposed is None else np.linalg.inv(self.proposed)
         descriptors = None if self.descriptors is None else self.descriptors[::-1]
         allows = self.allows
@@ -240,7 +239,6 @@ class Search:
     def _align(
         self, source: PreparedScan, target: PreparedScan, verified: Verification | None, most: int
     ) -> list[Finalist]:
-        """Refine the first of the verified poses."""
         if verified is None:
             return []
         self.clock.start("refinement")
@@ -312,7 +310,6 @@ def _order(scan: PreparedScan) -> tuple[float, ...]:
 
 
 def _better(one: Found | None, other: Found | None) -> Found | None:
-    """Return the more probable of two; the first where they are equal."""
     if one is None or other is None:
         return other if one is None else one
     return other if other.probability > one.probability else one

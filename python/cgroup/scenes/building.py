@@ -160,7 +160,6 @@ class SceneBuilder:
             self._decision = self._decide()
 
     def _weigh(self, join: Join, union: Link) -> float:
-        """Return the probability of a join."""
         if not is_accepted(float(union.chances.sum())):  # which bounds it
             return 0.0
         tasks = [cross_tasks(join, self._decision, pose) for pose in union.poses]
@@ -217,7 +216,6 @@ class SceneBuilder:
         return weigh_residuals(self._links, self._decision, self._middles, self._voxel)
 
     def _move(self, graph: PoseGraph) -> None:
-        """Move the scans to the optimized poses of a graph."""
         poses = anchor(graph.optimize(start="given").poses, self._decision.labels)
         self._decision = replace(self._decision, poses=poses)
 

@@ -80,7 +80,6 @@ class KeptLinks:
             self._connection.execute("insert or replace into links values (?, ?, ?)", row)
 
     def _key(self, function: Callable[..., Any], rows: Sequence[int], arguments: Sequence[object]) -> bytes:
-        """Return the digest of all inputs of a result."""
         for row in rows:
             if row not in self._digests:
                 self._digests[row] = _digest(*_contents(self._scans[row]))
@@ -103,7 +102,6 @@ def _unusable(path: Path, reason: str) -> InputError:
 
 
 def _contents(scan: PreparedScan) -> tuple[object, ...]:
-    """Return all inputs of a scan, and the results of its preparation."""
     given = scan.voxel, scan.viewpoint, scan.by_frames, scan.front, scan.scan.cloud.points, scan.scan.normals
     return *given, scan.voxels.points, scan.normals, scan.described.indices, scan.described.descriptors
 

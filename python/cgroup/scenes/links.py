@@ -109,7 +109,6 @@ def _link_of(found: Found, covariance: FloatArray) -> Link:
 
 
 def _oriented_alike(source: PreparedScan, target: PreparedScan) -> tuple[PreparedScan, PreparedScan]:
-    """Return both with normals to the same side."""
     if source.by_frames or target.by_frames:
         return source.turned_by_frames, target.turned_by_frames
     return source, target

@@ -37,7 +37,6 @@ def describe_scans(scans: Sequence[PreparedScan]) -> FloatArray:
 
 
 def _fit_mixture(values: FloatArray, rng: np.random.Generator) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Fit weights, means and variances by expectation maximization."""
     count = min(_COMPONENTS, len(values))
     means = values[rng.choice(len(values), count, replace=False)]
     variances, weights = np.ones_like(means), np.full(count, 1.0 / count)

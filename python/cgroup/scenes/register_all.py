@@ -143,7 +143,6 @@ def add_scan(scene: Scene, scan: PreparedScan | Cloud | AnyCloud, viewpoint: Arr
 
 
 def _as_names(names: Sequence[str] | None, given: Sequence[Any]) -> list[str]:
-    """Return the names of scans."""
     if names is None:
         is_path = [isinstance(scan, str | os.PathLike) for scan in given]
         return [Path(scan).name if is_path[row] else f"scan {row}" for row, scan in enumerate(given)]

@@ -292,8 +292,7 @@ def cloud_of(scene: Scene, row: int) -> PointCloud:
             registered = registered[: len(cloud)]
         if not np.array_equal(registered, cloud.points):
             place = scan if isinstance(scan, str | os.PathLike) else name
-            message = (
+            raise InputError(
                 f"{place}: was changed since it was registered, and its pose may be wrong; register again"
             )
-            raise InputError(message)
     return cloud

@@ -129,7 +129,6 @@ class InstanceSearch:
             self.free &= ~best.sighting.explained
 
     def _propose(self, name: str, *, thoroughly: bool) -> list[Proposal]:
-        """Verify the poses that matches of a model with the free part of the scene propose."""
         model, free = self.models[name], self._free_part()
         if len(free) < LEAST_VOXELS:
             return []
