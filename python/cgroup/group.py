@@ -9,7 +9,6 @@ from functools import cache
 from typing import Any
 
 from cgroup._checks.calls import explain_wrong_calls, refuse_too_many, unknown_option
-from cgroup._checks.fields import FIELDS, Fields
 from cgroup._checks.values import as_choice, as_instance, as_items, refusal
 from cgroup._runtime.memory import default_max_memory, report_refused_memory
 from cgroup._runtime.workers import count_workers, work_side_by_side
@@ -17,6 +16,7 @@ from cgroup.errors import InputError
 from cgroup.methods._call import compute
 from cgroup.registry import METHOD_INFO, PRESETS, MethodInfo, MethodName, find_method
 from cgroup.types import Correspondences, Grouping
+from cgroup.types.fields import FIELDS, Fields
 
 __all__ = [
     "group",

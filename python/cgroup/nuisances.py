@@ -13,8 +13,8 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from cgroup import features
+from cgroup._checks.hooks import load_plugin
 from cgroup._checks.values import as_choice, as_instance, as_number, as_word, guess_word, refuse_word
-from cgroup._runtime.plugins import load_plugin
 from cgroup.datasets.base import MatchingPair, mean_resolution
 from cgroup.datasets.generated.shapes import random_direction, stones_around
 from cgroup.datasets.voxels import voxel_subset
@@ -22,7 +22,8 @@ from cgroup.errors import InputError
 from cgroup.evaluation import overlap, within
 from cgroup.evaluation.ground_truth import OVERLAP_WITHIN, VISIBLE_WITHIN
 from cgroup.rigid import apply
-from cgroup.types import AnyCloud, BoolArray, IndexArray, PointCloud, as_cloud
+from cgroup.types import AnyCloud, BoolArray, IndexArray, PointCloud
+from cgroup.types.point_cloud import as_cloud
 
 Nuisance: TypeAlias = Callable[[MatchingPair, float, np.random.Generator], MatchingPair]
 

@@ -31,7 +31,7 @@ from cgroup.evaluation.result_files import (
     read_truth,
 )
 from cgroup.io import read_cloud, read_transforms, write_file
-from cgroup.io.logs import format_log
+from cgroup.io.transforms import format_log
 from cgroup.pose_graph.files import motion_lines
 from cgroup.rigid import apply, invert
 from cgroup.rigid.transforms import turn

@@ -21,7 +21,8 @@ from cgroup.errors import InputError
 from cgroup.plots import keypoints_figure, registration_figure
 from cgroup.registration import describe, prepare, recognize, register, register_many
 from cgroup.registration.scan import as_scan
-from cgroup.types import PointCloud, find_cloud
+from cgroup.types import PointCloud
+from cgroup.types.point_cloud import find_cloud
 from cgroup.verification import Surface
 
 

@@ -245,7 +245,7 @@ def test_reading_is_interrupted(name: str, tmp_path: Path) -> None:
     program = f"""
 import threading
 from cgroup import _core
-from cgroup._checks.run_options import run_options
+from cgroup._checks.values import run_options
 from cgroup.io import read_cloud
 
 # The first look for a signal says that the core is at work.

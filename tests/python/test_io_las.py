@@ -150,7 +150,7 @@ def test_reading_laz_is_interrupted(tmp_path: Path) -> None:
     program = f"""
 import threading
 import cgroup.io.clouds as formats
-from cgroup._checks.run_options import run_options
+from cgroup._checks.values import run_options
 
 entered = threading.Event()
 def look(share):

@@ -14,9 +14,9 @@ from wrong_values import HUGE
 
 import cgroup
 from cgroup import METHODS, PRESETS, Correspondences, InputError, NoConsensusError, _core, group, group_many
-from cgroup._checks.fields import FIELDS, check_fields
-from cgroup._checks.run_options import run_options
+from cgroup._checks.values import run_options
 from cgroup.registry import METHOD_INFO
+from cgroup.types.fields import FIELDS, check_fields
 from interrupts import assert_hears_interrupt, assert_holds_in_a_fork, posix_only
 from strategies import make_problem
 

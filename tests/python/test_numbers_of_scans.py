@@ -12,7 +12,7 @@ from test_evaluate import random_pose
 
 from cgroup.cli.show.json import as_text, make_document
 from cgroup.io import write_file
-from cgroup.io.logs import format_log
+from cgroup.io.transforms import format_log
 from cgroup.pose_graph.files import motion_lines
 from cgroup.rigid import invert
 from cgroup.scenes import Scene

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cgroup import InputError, _core
-from cgroup._checks.run_options import run_options
+from cgroup._checks.values import run_options
 from reference import placements
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cgroup import InputError, NoConsensusError
-from cgroup._runtime.cached import cached_property
+from cgroup._runtime.workers import cached_property
 from cgroup.datasets import standin_pair
 from cgroup.registration import prepare, register, register_many
 from cgroup.rigid import rotation_error

@@ -253,7 +253,7 @@ def test_pages_and_folders_are_no_pipes(folder: Path, capsys: Capture) -> None:
 
 HALF_WRITTEN = """
 import os, sys, time
-import cgroup.io.parts
+import cgroup.io.files
 os.fsync = lambda _: (print("ready", flush=True), time.sleep(600))
 cgroup.io.write_file(sys.argv[1], b"half")
 """

@@ -13,7 +13,7 @@ from cgroup.io.scan_names import find_names
 from cgroup.registration import prepare
 from cgroup.rigid import invert
 from cgroup.scenes import PoseGraph
-from cgroup.scenes.scene_files import scan_colors
+from cgroup.scenes.scene import scan_colors
 from cgroup.types import PointCloud
 
 SCENE = known_scene()

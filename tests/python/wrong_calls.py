@@ -4,11 +4,9 @@ For an `InputError` of the functions in `public_calls`, and for memory that is r
 own.
 """
 
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
-from unittest import mock
 
 import numpy as np
 import pandas as pd
@@ -46,11 +44,6 @@ def drawn(*, rows: int = 12, pose: np.ndarray | None = None, compared: bool = Fa
     return given(PROBLEM.source, PROBLEM.target, BARE, **masks, T_target_source=pose, title="")
 
 
-def find_open3d_missing(iss: Callable[..., Any]) -> object:
-    with mock.patch.dict(sys.modules, {"open3d": None}):
-        return iss(PROBLEM.source, backend="open3d")
-
-
 WRONG_CALLS: dict[str, list[Callable[[Any], Any]]] = {
     "cgroup.Grouping.transform": [given(cgroup.nnsr([0.5])), given(cgroup.gtm(np.eye(3)[:2], np.eye(3)[:2]))],
     "cgroup.Grouping.explain": [given(cgroup.nnsr([0.5]), 1)],
@@ -58,7 +51,6 @@ WRONG_CALLS: dict[str, list[Callable[[Any], Any]]] = {
     "cgroup.Correspondences.plot": [given(BARE, T_target_source=np.eye(3))],
     "cgroup.types.PointCloud.transformed": [given(CLOUD, 2 * np.eye(4))],
     "cgroup.registry.label_of": [given("nonsense")],
-    "cgroup.features.iss": [find_open3d_missing],
     "cgroup.registration.register": [given(UNRELATED.source, UNRELATED.target)],
     "cgroup.registration.assess": [
         given(PAIR.source, PAIR.target, np.diag([1.0, -1, -1, 1]), axis=(0, 0, 1), effort="low", voxel=9.0),

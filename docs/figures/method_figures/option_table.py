@@ -8,8 +8,8 @@ import re
 
 from numpydoc.docscrape import FunctionDoc
 
-from cgroup._checks.fields import FIELDS
 from cgroup.registry import find_method
+from cgroup.types.fields import FIELDS
 
 _UNIT = "Lengths are in the unit of the points. [pr](../glossary.md#pr) in a default is the `resolution`."
 _MULTIPLE = re.compile(r"[;,] default `([^`]+)`")

@@ -7,16 +7,21 @@ and whether a mask hides something is a matter of the data, not of the program.
 from __future__ import annotations
 
 from itertools import chain
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cgroup._checks.array_types import BoolArray, FloatArray, IndexArray, RealArray
 from cgroup._checks.foreign import ACCEPTED, as_host_array, cloud_parts
 from cgroup._checks.quoting import cut, escape, show
 from cgroup._checks.values import refusal
 from cgroup.errors import InputError, OutOfMemoryError
+
+FloatArray: TypeAlias = NDArray[np.float64]
+RealArray: TypeAlias = NDArray[np.float32] | NDArray[np.float64]
+BoolArray: TypeAlias = NDArray[np.bool_]
+IndexArray: TypeAlias = NDArray[np.int64]
+
 
 _DEEPEST = 5
 """Lists within lists, beyond which no shape is right anyway."""

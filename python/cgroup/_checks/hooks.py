@@ -1,12 +1,13 @@
-"""Functions of higher rooms that results and checks call: they explain, draw, and read clouds.
-
-A higher room is loaded when one of its functions is called first.
-"""
+"""Functions that are loaded by name: those of higher rooms, when they are called first, and plug-ins."""
 
 from __future__ import annotations
 
+import importlib
 from importlib import import_module
 from typing import Any
+
+from cgroup._checks.values import as_word
+from cgroup.errors import InputError
 
 _HOOKS = {
     "cloud": ("cgroup.io", "read_cloud"),
@@ -21,3 +22,22 @@ def call_hook(name: str, *arguments: Any) -> Any:  # noqa: ANN401 - types of the
     """Call the function of a hook."""
     module, function = _HOOKS[name]
     return getattr(import_module(module), function)(*arguments)
+
+
+def load_plugin(what: str, reference: str) -> Any:  # noqa: ANN401 - whatever the name stands for
+    """Import what a reference names; errors call it by `what` it is to be, such as "data set"."""
+    module_name, _, attribute = as_word(what, reference).partition(":")
+    if not all(part.isidentifier() for part in module_name.split(".")):
+        remedy = f"{module_name!r} is no name of a module; write module:attribute"
+        raise InputError(what, remedy=remedy)
+    try:
+        module = importlib.import_module(module_name)
+    except ImportError as error:
+        raise InputError(
+            f"{what}: can't import {module_name!r} for {reference!r} ({error}); "
+            "install it, or put its folder on PYTHONPATH"
+        ) from error
+    if not attribute or not hasattr(module, attribute):
+        remedy = f"module {module_name!r} has no {attribute!r}; write module:attribute"
+        raise InputError(what, remedy=remedy)
+    return getattr(module, attribute)

@@ -1,8 +1,8 @@
-"""Validate arguments that are not arrays: numbers, flags, choices, paths.
+"""Validate arguments that are not arrays: numbers, flags, choices, paths, and how a computation is to run.
 
 A number is a `numbers.Real` and no truth value, a count a `numbers.Integral` and no truth value: NumPy's
 scalars, arrays of no axes and fractions are numbers; arrays of one element, strings and `decimal.Decimal` are
-not. A truth value is a `bool` or `numpy.bool_`. Whatever else is given is refused with one `InputError`.
+not. A truth value is a `bool` or `numpy.bool_`. Anything else raises `InputError`.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import os
 from collections.abc import Callable, Collection, Mapping
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Any, NoReturn, TypeVar
+from typing import Any, NamedTuple, NoReturn, TypeVar
 
 import numpy as np
 
@@ -188,3 +188,39 @@ def as_path(name: str, value: object) -> Path:
 def refusal(name: str, value: object, remedy: str) -> InputError:
     """Return the error for an invalid value."""
     return InputError(escape(name), show(value), remedy)
+
+
+MOST_THREADS = 1024
+
+
+class RunOptions(NamedTuple):
+    """Threads, bytes for pairwise matrices, progress callback, seconds of a search; the core reads them."""
+
+    threads: int | None
+    max_memory: int
+    progress: Callable[[float], Any] | None
+    max_seconds: float | None
+
+
+def run_options(
+    threads: int | None = None,
+    max_memory: int | None = None,
+    progress: Callable[[float], Any] | None = None,
+    max_seconds: float | None = None,
+) -> RunOptions:
+    """Check how a computation is to run."""
+    if progress is not None:
+        as_function("progress", progress, "the share of the work done")
+    seconds = None if max_seconds is None else as_length("max_seconds", max_seconds)
+    memory = 0 if max_memory is None else as_count("max_memory", max_memory, 0)
+    return RunOptions(as_threads(threads), memory, progress, seconds)
+
+
+def as_threads(threads: object) -> int | None:
+    """Return a number of threads, None for all cores."""
+    if threads is None:
+        return None
+    count = as_count("threads", threads, 1)
+    if count > MOST_THREADS:
+        raise InputError("threads", count, f"give at most {MOST_THREADS}")
+    return count

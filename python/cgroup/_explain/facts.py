@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from cgroup._checks.array_types import BoolArray, FloatArray
+from cgroup._checks.arrays import BoolArray, FloatArray
 from cgroup._show import words
 from cgroup.errors import NoConsensusError
 from cgroup.types import Agreement, Grouping

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cgroup._checks.array_types import FloatArray
+from cgroup._checks.arrays import FloatArray
 from cgroup._explain.facts import Facts
 from cgroup._show import words
 from cgroup.types import Rule

@@ -2,14 +2,32 @@
 
 from __future__ import annotations
 
+import functools
 import os
+import sys
 import threading
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from cgroup._checks.values import as_count
 from cgroup.errors import OutOfMemoryError
+
+if TYPE_CHECKING or sys.version_info >= (3, 12):
+    from functools import cached_property
+else:
+
+    class cached_property(functools.cached_property):  # noqa: N801 - as the standard library's
+        """`functools.cached_property` as of Python 3.12: before, all objects of a class wait for one."""
+
+        def __get__(self, instance: object, owner: type | None = None) -> object:
+            if instance is None:
+                return self
+            return vars(instance).setdefault(self.attrname, self.func(instance))
+
+
+__all__ = ["cached_property"]
+
 
 _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")

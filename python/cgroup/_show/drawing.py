@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from cgroup._checks.array_types import BoolArray, FloatArray
-from cgroup._checks.arrays import real_points
+from cgroup._checks.arrays import BoolArray, FloatArray, real_points
 from cgroup._checks.hooks import call_hook
 from cgroup._checks.values import as_flag, refusal
 from cgroup.errors import InputError

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from html import escape
 
-from cgroup._checks.array_types import FloatArray
+from cgroup._checks.arrays import FloatArray
 from cgroup._show.poses import pose_lines
 
 _BAR = 120  # pixels

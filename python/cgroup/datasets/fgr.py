@@ -16,8 +16,8 @@ from cgroup.datasets.file_datasets import FileDataset
 from cgroup.errors import InputError
 from cgroup.io import read_cloud
 from cgroup.io.files import read_content
-from cgroup.io.logs import read_log
 from cgroup.io.numpy_files import read_arrays
+from cgroup.io.transforms import read_log
 from cgroup.types import Correspondences, FloatArray, IndexArray, PointCloud
 
 # Of the target and the source: gt.log maps cloud 1 into the frame of cloud 0.

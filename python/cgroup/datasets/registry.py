@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from cgroup._checks.hooks import load_plugin
 from cgroup._checks.values import guess_word, refuse_word
-from cgroup._runtime.plugins import load_plugin
 from cgroup.datasets.b3r import B3R, B3RClean
 from cgroup.datasets.base import Dataset
 from cgroup.datasets.demos import CorrespondenceFiles, LidarScans, OneToThreeFiles

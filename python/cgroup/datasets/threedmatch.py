@@ -16,7 +16,7 @@ from cgroup.datasets.file_datasets import FileDataset
 from cgroup.datasets.pose_lists import manifest_pairs
 from cgroup.datasets.voxels import voxel_means
 from cgroup.io import read_cloud
-from cgroup.io.logs import read_log
+from cgroup.io.transforms import read_log
 from cgroup.rigid import check_rigid
 from cgroup.types import FloatArray, PointCloud
 

@@ -7,8 +7,7 @@ from numpy.typing import ArrayLike
 
 from cgroup import _core
 from cgroup._checks.arrays import as_faces, as_points
-from cgroup._checks.run_options import run_options
-from cgroup._checks.values import as_length
+from cgroup._checks.values import as_length, run_options
 from cgroup.errors import InputError
 from cgroup.rigid import apply, check_rigid
 from cgroup.types import AnyCloud, BoolArray, FloatArray, IndexArray

@@ -20,10 +20,9 @@ from cgroup._checks.quoting import escape
 from cgroup.errors import InputError
 from cgroup.evaluation.recalls import check_information
 from cgroup.io.files import load_json, load_numbers, load_text, naming, parse_file
-from cgroup.io.logs import read_matrices
 from cgroup.io.numpy_files import read_arrays
 from cgroup.io.scan_names import find_names, last_numbers, names_file
-from cgroup.io.transforms import find_poses, read_transforms
+from cgroup.io.transforms import find_poses, read_matrices, read_transforms
 from cgroup.pose_graph.files import parse_json, parse_text
 from cgroup.rigid import check_rigid
 from cgroup.rigid.transforms import are_rigid

@@ -36,12 +36,9 @@ True
 
 from __future__ import annotations
 
-from cgroup.features._lengths import SUPPORT_RADIUS
 from cgroup.features.cloud import Cloud, CloudLike, resolution
-from cgroup.features.described import DescribedCloud
-from cgroup.features.descriptors import fpfh, lfsh, rcs, shot
-from cgroup.features.frames import shot_lrf, toldi_lrf
-from cgroup.features.keypoints import drop_isolated, harris3d, iss
+from cgroup.features.descriptors import DescribedCloud, fpfh, lfsh, rcs, shot, shot_lrf, toldi_lrf
+from cgroup.features.keypoints import SUPPORT_RADIUS, drop_isolated, harris3d, iss
 from cgroup.features.matching import Matches, match
 from cgroup.features.meshes import sample_mesh
 from cgroup.features.surface import ORIGIN, Viewpoint, mesh_normals, normals

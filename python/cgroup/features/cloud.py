@@ -9,8 +9,7 @@ from typing import TypeAlias
 from cgroup import _core
 from cgroup._checks.arrays import real_points
 from cgroup._checks.calls import explain_wrong_calls
-from cgroup._checks.run_options import run_options
-from cgroup._checks.values import as_flag, as_word
+from cgroup._checks.values import as_flag, as_word, run_options
 from cgroup.errors import InputError
 from cgroup.features._places import Places, find_distinct, renumber
 from cgroup.types import AnyCloud, RealArray
@@ -105,11 +104,6 @@ def _find_places(points: RealArray, core: _core.Cloud, name: str) -> Places:
     if first is None:
         return Places(core)
     return Places(_core.Cloud(points[first], name), first, renumber(points, first))
-
-
-def points_of(points: CloudLike) -> RealArray:
-    """Return the coordinates themselves, for what the core does not do."""
-    return points.points if isinstance(points, Cloud) else real_points("points", points)
 
 
 @explain_wrong_calls

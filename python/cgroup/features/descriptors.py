@@ -1,7 +1,8 @@
-"""Descriptors of the surface around keypoints."""
+"""Local reference frames and descriptors of the surface around keypoints."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -10,9 +11,102 @@ from numpy.typing import ArrayLike, NDArray
 from cgroup import _core
 from cgroup._checks.arrays import as_rows, real_frames, real_normals
 from cgroup._checks.calls import explain_wrong_calls
-from cgroup._checks.run_options import run_options
-from cgroup._checks.values import as_count, as_flag, as_number
+from cgroup._checks.values import as_count, as_flag, as_number, run_options
 from cgroup.features.cloud import CloudLike, places_of
+from cgroup.types import FloatArray, IndexArray
+
+
+@dataclass(frozen=True, eq=False)
+class DescribedCloud:
+    """Described keypoints; row i of each array is one keypoint.
+
+    Attributes
+    ----------
+    indices : (m,) array of int64
+        Rows of the cloud, ascending.
+    points : (m,3) array of float64
+        Positions.
+    lrf : (m,3,3) array of float64
+        SHOT's local reference frames, rows are the axes; NaN where there is none.
+    descriptors : (m,d) array of float32
+        All finite, none zero.
+    resolution : float
+        The unit pr that the radii were multiples of.
+    centroid : (3,) array of float64
+        Of the whole cloud.
+    """
+
+    indices: IndexArray
+    points: FloatArray
+    lrf: FloatArray
+    descriptors: NDArray[np.float32]
+    resolution: float
+    centroid: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.indices)
+
+    def __repr__(self) -> str:
+        return f"DescribedCloud(m={len(self)}, dimensions={self.descriptors.shape[1]})"
+
+
+@explain_wrong_calls
+def shot_lrf(
+    points: CloudLike, keypoints: ArrayLike, *, radius: float, threads: int | None = None
+) -> FloatArray:
+    """Return the local reference frames of SHOT, usual for `si`, `cv` and `hough3d`.
+
+    As PCL's ``SHOTLocalReferenceFrameEstimation``, after Tombari, Salti, Di Stefano, ECCV 2010. Axes are the
+    eigenvectors of the scatter about the keypoint, neighbours weighted by ``radius - d``; x and z point to
+    the side of most neighbours. Cost O(m k), k points per ball.
+
+    Parameters are as for `shot`.
+
+    Returns
+    -------
+    (m,3,3) array of float64
+        Rows are the x, y and z axes, right-handed; a NaN block where fewer than 5 neighbours make no frame.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup import features
+    >>> from cgroup.datasets import standin_pair
+    >>> points = standin_pair(pixels=60).source.points
+    >>> pr = features.resolution(points)
+    >>> frames = features.shot_lrf(points, [0, 500], radius=15 * pr)
+    >>> frames.shape
+    (2, 3, 3)
+    >>> x, y, z = frames[0]
+    >>> bool(np.allclose(np.cross(x, y), z))
+    True
+    """
+    places = places_of(points)
+    rows = places.keypoints(as_rows("keypoints", keypoints))
+    return _core.shot_lrf(places.core, rows, run_options(threads), as_number("radius", radius))
+
+
+@explain_wrong_calls
+def toldi_lrf(
+    points: CloudLike, keypoints: ArrayLike, *, radius: float, threads: int | None = None
+) -> FloatArray:
+    """Return TOLDI's local reference frames.
+
+    After Yang, Zhang, Xiao, Cao, Pattern Recognition 2017. z is the plane normal of the ball of a third of
+    the radius, away from its points; x is a sum of the neighbours' projections weighted by nearness and
+    height. Cost O(m k), k points per ball.
+
+    Parameters are as for `shot`.
+
+    Returns
+    -------
+    (m,3,3) array of float64
+        Rows are the x, y and z axes, right-handed; a NaN block with fewer than 4 points in the smaller
+        ball or 11 in the larger, and on planes.
+    """
+    places = places_of(points)
+    rows = places.keypoints(as_rows("keypoints", keypoints))
+    return _core.toldi_lrf(places.core, rows, run_options(threads), as_number("radius", radius))
 
 
 @explain_wrong_calls

@@ -10,17 +10,36 @@ from numpy.typing import ArrayLike
 from cgroup import _core
 from cgroup._checks.arrays import as_rows, real_normals
 from cgroup._checks.calls import explain_wrong_calls
-from cgroup._checks.run_options import run_options
-from cgroup._checks.values import as_choice, as_count, as_flag, as_number
-from cgroup.features import _open3d
-from cgroup.features._lengths import (
-    HARRIS_RADIUS,
-    ISS_RADII,
-    SUPPORT_RADIUS,
-    length_or_multiple,
-)
-from cgroup.features.cloud import CloudLike, places_of, points_of, resolution_of
+from cgroup._checks.values import as_count, as_flag, as_length, as_number, run_options
+from cgroup.features._places import Places
+from cgroup.features.cloud import CloudLike, places_of, resolution_of
 from cgroup.types import IndexArray
+
+HARRIS_RADIUS = 2.7
+"""Default radius of Harris 3D in pr, as in the paper authors' pipeline."""
+
+ISS_RADII = (2.7, 1.8)
+"""Default salient and non-maximum radius of ISS in pr, as in the paper authors' pipeline."""
+
+SUPPORT_RADIUS = 15.0
+"""Radius of descriptors and frames in pr (paper, section 4.4)."""
+
+
+def length_or_multiple(
+    name: str,
+    given: float | None,
+    factor: float,
+    cloud: Places,
+    unit: float | None,
+    threads: int | None,
+) -> float:
+    """Return the length `given`, or else `factor` times the resolution."""
+    known = None if unit is None else as_length("resolution", unit)
+    if given is not None:
+        return as_length(name, given)
+    if known is not None:
+        return factor * known
+    return factor * resolution_of(cloud, threads)
 
 
 @explain_wrong_calls
@@ -113,7 +132,6 @@ def iss(
     density_weight: bool = False,
     covariance: Literal["point", "mean"] = "point",
     count: int | None = None,
-    backend: Literal["cgroup", "open3d"] = "cgroup",
     threads: int | None = None,
 ) -> IndexArray:
     """Return ISS keypoints (intrinsic shape signatures): the surface bends all ways.
@@ -138,19 +156,11 @@ def iss(
         Weight neighbours by the inverse of their own number of neighbours, as the original paper does.
     covariance : {"point", "mean"}
         Scatter about the point itself (PCL), or covariance about the ball's mean (Open3D).
-    backend : {"cgroup", "open3d"}
-        Open3D's detector has only the two radii, the two bounds and `min_neighbors`, with the covariance
-        about the mean.
 
     Returns
     -------
     (m,) array of int64
         Ascending row numbers.
-
-    Raises
-    ------
-    CgroupError
-        If the backend is Open3D, and it can't be imported.
 
     Examples
     --------
@@ -163,29 +173,21 @@ def iss(
     True
     """
     places = places_of(points)
-    as_count("min_neighbors", min_neighbors, 1)
-    as_choice("backend", backend, ("cgroup", "open3d"))
-    bounds = as_number("gamma_21", gamma_21), as_number("gamma_32", gamma_32)
-    weighted = as_flag("density_weight", density_weight)
     if len(places.core) == 0:
         return np.empty(0, dtype=np.int64)
     if resolution is None and (salient_radius is None or nms_radius is None):
         resolution = resolution_of(places, threads)
     salient = length_or_multiple("salient_radius", salient_radius, ISS_RADII[0], places, resolution, threads)
     nms = length_or_multiple("nms_radius", nms_radius, ISS_RADII[1], places, resolution, threads)
-    if backend == "open3d":
-        _open3d.refuse_options(density_weight=weighted, count=count)
-        distinct = points_of(points) if places.first is None else points_of(points)[places.first]
-        return places.first_rows(_open3d.iss(distinct, salient, nms, *bounds, min_neighbors))
     found = _core.iss(
         places.core,
         run_options(threads),
         salient_radius=salient,
         nms_radius=nms,
-        gamma_21=bounds[0],
-        gamma_32=bounds[1],
-        min_neighbors=min_neighbors,
-        density_weight=weighted,
+        gamma_21=as_number("gamma_21", gamma_21),
+        gamma_32=as_number("gamma_32", gamma_32),
+        min_neighbors=as_count("min_neighbors", min_neighbors, 1),
+        density_weight=as_flag("density_weight", density_weight),
         covariance=covariance,
         count=None if count is None else as_count("count", count, 1),
     )

@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike
 from cgroup import _core
 from cgroup._checks.arrays import as_reals
 from cgroup._checks.calls import explain_wrong_calls
-from cgroup._checks.run_options import run_options
-from cgroup._checks.values import as_count, as_flag, as_number
+from cgroup._checks.values import as_count, as_flag, as_number, run_options
 from cgroup.errors import InputError
 from cgroup.types import BoolArray, FloatArray, IndexArray, RealArray
 

@@ -9,7 +9,8 @@ from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.values import as_length
 from cgroup.errors import InputError
 from cgroup.features.surface import mesh_normals
-from cgroup.types import AnyCloud, FloatArray, IndexArray, PointCloud, as_cloud
+from cgroup.types import AnyCloud, FloatArray, IndexArray, PointCloud
+from cgroup.types.point_cloud import as_cloud
 
 _USUAL_POINTS, _MOST_POINTS = 40_000, 20_000_000
 

@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike
 from cgroup import _core
 from cgroup._checks.arrays import as_faces, as_place
 from cgroup._checks.calls import explain_wrong_calls
-from cgroup._checks.run_options import run_options
-from cgroup._checks.values import as_count, as_number
+from cgroup._checks.values import as_count, as_number, run_options
 from cgroup.features.cloud import CloudLike, core_cloud, places_of
 from cgroup.types import FloatArray
 

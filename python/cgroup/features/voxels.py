@@ -10,11 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 from cgroup import _core
 from cgroup._checks.arrays import real_normals
 from cgroup._checks.calls import explain_wrong_calls
-from cgroup._checks.run_options import run_options
-from cgroup._checks.values import as_count, as_length
+from cgroup._checks.values import as_count, as_length, run_options
 from cgroup.errors import InputError
 from cgroup.features.cloud import Cloud, CloudLike, core_cloud, places_of
-from cgroup.types import FloatArray, IndexArray, RealArray, find_cloud
+from cgroup.types import FloatArray, IndexArray, RealArray
+from cgroup.types.point_cloud import find_cloud
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cgroup.errors import InputError
-from cgroup.io._content import CloudContent, join
 from cgroup.io.files import check_growth
 from cgroup.io.transforms import from_quaternions
 from cgroup.rigid import apply
 from cgroup.types import FloatArray
+from cgroup.types.point_cloud import PointCloud, join_clouds
 
 _PAGE, _USED = 1024, 1020  # bytes of a page, and of these before its checksum
 _PAGES = 4096  # whose checksums are computed at a time
@@ -58,7 +58,7 @@ class _Field(NamedTuple):
         return values
 
 
-def parse_e57(content: bytes) -> CloudContent:
+def parse_e57(content: bytes) -> PointCloud:
     """Return the points of all scans in the frame of the file."""
     with np.errstate(all="ignore"):  # numbers of files may be any
         data = _checked_pages(content)
@@ -67,7 +67,7 @@ def parse_e57(content: bytes) -> CloudContent:
         check_growth("its points", 8 * sum(scan.count * len(scan.taken) for scan in scans), len(content))
         if sum(scan.length for scan in scans) > len(data):
             raise InputError("its scans overlap in the file")
-        return join([scan.read() for scan in scans])
+        return join_clouds([scan.read() for scan in scans])
 
 
 def unread_fields(file: BinaryIO) -> list[str]:
@@ -188,7 +188,7 @@ class _Scan:
         if kind != 1 or self._start + self.length > len(data):
             raise InputError(f"points of {self.length} bytes from byte {self._start} on")
 
-    def read(self) -> CloudContent:
+    def read(self) -> PointCloud:
         """Return the points that are valid, and NaN for the others."""
         columns = self._columns()
         points, names = _stack(columns, _CARTESIAN), "cartesian"
@@ -213,7 +213,7 @@ class _Scan:
             normals = None if normals is None else normals @ matrix[:3, :3].T
             # Where a writer knows no place, it is the origin.
             place = matrix[:3, 3] if matrix[:3, 3].any() else None
-        return CloudContent(points, normals, None, self._colors(columns), place)
+        return PointCloud(points, normals, colors=self._colors(columns), viewpoint=place)
 
     def _columns(self) -> dict[str, FloatArray]:
         """Return the numbers of the fields that are taken, by name."""

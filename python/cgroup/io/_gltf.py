@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cgroup.errors import InputError
-from cgroup.io._content import CloudContent, join
 from cgroup.io.files import check_growth, read_content
 from cgroup.rigid import apply
 from cgroup.rigid.transforms import turn
 from cgroup.types import FloatArray, IndexArray
+from cgroup.types.point_cloud import PointCloud, join_clouds
 
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
@@ -25,7 +25,7 @@ _JSON, _BINARY = 0x4E4F534A, 0x004E4942
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 
 
-def parse_gltf(content: bytes, folder: Path | None = None) -> CloudContent:
+def parse_gltf(content: bytes, folder: Path | None = None) -> PointCloud:
     """Return what the scene shows; its buffers may lie in the folder."""
     text, binary = _chunks(content) if content[:4] == b"glTF" else (content, b"")
     document: Any = json.loads(text)
@@ -55,9 +55,9 @@ class _Scene:
         self._buffers: dict[int, bytes] = {}
         self._size, self._grown = size, 0
 
-    def read(self) -> CloudContent:
+    def read(self) -> PointCloud:
         """Return the primitives of all nodes, moved into the scene's frame."""
-        parts: list[CloudContent] = []
+        parts: list[PointCloud] = []
         seen: set[int] = set()
         waiting = [(node, np.eye(4)) for node in self._roots()]
         while waiting:
@@ -73,7 +73,7 @@ class _Scene:
                 for primitive in self._item("meshes", node["mesh"])["primitives"]:
                     shared.setdefault(_attributes(primitive), []).append(primitive)
                 parts.extend(self._part(same, primitives, matrix) for same, primitives in shared.items())
-        return join(parts)
+        return join_clouds(parts)
 
     def _roots(self) -> list[int]:
         """Return the nodes that the scene begins with; where there is none, those that no node has."""
@@ -89,7 +89,7 @@ class _Scene:
             raise InputError(f"{kind} has no entry {row!r}, only {len(items)}")
         return items[row]
 
-    def _part(self, attributes: tuple[Any, ...], primitives: list[Any], matrix: FloatArray) -> CloudContent:
+    def _part(self, attributes: tuple[Any, ...], primitives: list[Any], matrix: FloatArray) -> PointCloud:
         """Return points, and the triangles of all primitives that have them."""
         position, normal, color = attributes
         points = self._accessor(position, "VEC3")
@@ -112,7 +112,7 @@ class _Scene:
         if colors is not None:
             colors = np.rint(255 * np.clip(np.nan_to_num(colors[:, :3]), 0, 1)).astype(np.uint8)
         moved = points if (matrix == np.eye(4)).all() else apply(matrix, points)
-        return CloudContent(moved, normals, faces, colors)
+        return PointCloud(moved, normals, faces, colors)
 
     def _faces(self, primitive: Any, count: int) -> IndexArray | None:  # noqa: ANN401
         """Return triangles as rows of the points, for primitives that are triangles."""

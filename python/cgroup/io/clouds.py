@@ -6,8 +6,9 @@ it may raise anything.
 
 from __future__ import annotations
 
+import glob
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import fields, replace
 from functools import partial
 from pathlib import Path
@@ -19,16 +20,16 @@ from numpy.typing import ArrayLike, NDArray
 from cgroup import _core
 from cgroup._checks.arrays import as_place, as_reals, as_rows
 from cgroup._checks.foreign import cloud_parts
-from cgroup._checks.run_options import run_options
-from cgroup._checks.values import as_choice, as_instance, as_path
+from cgroup._checks.quoting import escape
+from cgroup._checks.values import as_choice, as_instance, as_path, run_options
 from cgroup.errors import InputError
 from cgroup.features import DescribedCloud
-from cgroup.io._content import CloudContent
 from cgroup.io._e57 import parse_e57
 from cgroup.io._gltf import parse_gltf
 from cgroup.io.files import naming, parse_file, write_file, written_path
 from cgroup.io.numpy_files import load_npy, load_npz_points, npz_bytes, read_arrays, single_number
-from cgroup.types import AnyCloud, BoolArray, FloatArray, PointCloud, as_cloud
+from cgroup.types import AnyCloud, BoolArray, FloatArray, PointCloud
+from cgroup.types.point_cloud import as_cloud
 
 _DESCRIBED_FIELDS = tuple(field.name for field in fields(DescribedCloud))
 
@@ -282,44 +283,45 @@ def _table(name: str, value: NDArray[Any], shape: tuple[int | None, ...]) -> Any
     return array
 
 
-def _finite_cloud(path: Path, content: CloudContent) -> PointCloud:
+def _finite_cloud(path: Path, cloud: PointCloud) -> PointCloud:
     """Leave out points that aren't finite, and the triangles that touch them."""
-    points, normals, faces, colors, viewpoint = content
+    points, faces = cloud.points, cloud.faces
     if len(points) == 0:
         raise InputError(f"{path}: holds no points")
     keep: BoolArray = np.asarray(np.isfinite(points).all(axis=1))
     dropped = len(points) - int(np.count_nonzero(keep))
     if dropped == len(points):
         raise InputError(f"{path}: none of its {dropped} points is finite")
-    if viewpoint is not None and not np.isfinite(viewpoint).all():
-        viewpoint = None
+    if cloud.viewpoint is not None and not np.isfinite(cloud.viewpoint).all():
+        cloud = replace(cloud, viewpoint=None)
     if dropped == 0:
-        return PointCloud(points, normals, faces, colors, viewpoint=viewpoint)
+        return cloud
     if faces is not None:
         faces = (np.cumsum(keep) - 1)[faces[keep[faces].all(axis=1)]]
-    normals = None if normals is None else normals[keep]
-    colors = None if colors is None else colors[keep]
-    return PointCloud(points[keep], normals, faces, colors, dropped, viewpoint)
+    normals = None if cloud.normals is None else cloud.normals[keep]
+    colors = None if cloud.colors is None else cloud.colors[keep]
+    return PointCloud(points[keep], normals, faces, colors, dropped, cloud.viewpoint)
 
 
-def _parse_in_core(suffix: str, content: bytes) -> CloudContent:
-    return CloudContent(*_core.parse_cloud(content, suffix, run_options(threads=1)))
+def _parse_in_core(suffix: str, content: bytes) -> PointCloud:
+    points, normals, faces, colors, viewpoint = _core.parse_cloud(content, suffix, run_options(threads=1))
+    return PointCloud(points, normals, faces, colors, viewpoint=viewpoint)
 
 
-def _parse_npy(content: bytes) -> CloudContent:
+def _parse_npy(content: bytes) -> PointCloud:
     return _content_of(load_npy(content, records=True))
 
 
-def _parse_npz(content: bytes) -> CloudContent:
+def _parse_npz(content: bytes) -> PointCloud:
     return _content_of(load_npz_points(content))
 
 
-def _content_of(array: NDArray[Any]) -> CloudContent:
+def _content_of(array: NDArray[Any]) -> PointCloud:
     """Return the points of an array, or those of records and their normals."""
     parts = cloud_parts("array", array.reshape(-1)) if array.dtype.names else None
     if parts is None:
-        return CloudContent(_points(array))
-    return CloudContent(_points(parts.points), None if parts.normals is None else _points(parts.normals))
+        return PointCloud(_points(array))
+    return PointCloud(_points(parts.points), None if parts.normals is None else _points(parts.normals))
 
 
 def _points(array: NDArray[Any]) -> FloatArray:
@@ -348,7 +350,7 @@ _IN_CORE = (
     "xyzrgb",
 )
 
-PARSERS: dict[str, Callable[[bytes], CloudContent]] = {
+PARSERS: dict[str, Callable[[bytes], PointCloud]] = {
     **{f".{name}": partial(_parse_in_core, name) for name in _IN_CORE},
     ".asc": partial(_parse_in_core, "txt"),
     ".e57": parse_e57,
@@ -359,3 +361,39 @@ PARSERS: dict[str, Callable[[bytes], CloudContent]] = {
     ".npz": _parse_npz,
 }
 """By the suffix of a file."""
+
+
+_OTHERS_TOO = {".csv", ".npy", ".npz", ".txt"}
+"""Suffixes of clouds that poses, matches and notes have as well: a folder's are not taken."""
+
+
+def find_clouds(name: str, paths: Iterable[str | os.PathLike[str]]) -> list[Path]:
+    """Return the files that paths stand for: the clouds of a folder, and what a pattern matches, by name."""
+    return [file for path in paths for file in _files_of(name, as_path(name, path))]
+
+
+def _files_of(name: str, path: Path) -> list[Path]:
+    text = str(path)
+    if os.path.isdir(path):  # noqa: PTH112 - a path that the system refuses is no folder
+        suffixes = PARSERS.keys() - _OTHERS_TOO
+        files = [file for file in _listed(path) if file.suffix.lower() in suffixes]
+        got = "a folder without clouds"
+        remedy = (
+            f"files whose names end in {' '.join(sorted(suffixes))} are taken; name others by a pattern, "
+            f"as {escape(text)}/*.txt"
+        )
+    elif glob.has_magic(text) and not os.path.lexists(path):
+        files = [file for file in map(Path, glob.glob(text, recursive=True)) if file.is_file()]  # noqa: PTH207 - absolute ones
+        got, remedy = "a pattern that no file matches", "check the folder and the suffix"
+    else:
+        return [path]
+    if not files:
+        raise InputError(f"{name}: {escape(text)}", got, remedy)
+    return sorted(files)
+
+
+def _listed(folder: Path) -> list[Path]:
+    try:
+        return [file for file in folder.iterdir() if file.is_file() and not file.name.startswith(".")]
+    except OSError as error:
+        raise InputError(f"{folder}: can't be read ({error.strerror or error})") from error

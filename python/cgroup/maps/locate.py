@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike
 
 from cgroup._checks.arrays import as_direction, as_place
 from cgroup._checks.calls import explain_wrong_calls
-from cgroup._checks.run_options import as_threads
-from cgroup._checks.values import as_choice, as_instance, as_length
+from cgroup._checks.values import as_choice, as_instance, as_length, as_threads
 from cgroup._runtime.memory import report_refused_memory
 from cgroup._runtime.progress import StageClock, as_stage_function
 from cgroup._runtime.workers import count_workers, work_side_by_side

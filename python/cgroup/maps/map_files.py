@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cgroup.errors import InputError
-from cgroup.io.files import load_json, read_content
+from cgroup.io.files import folder_made_whole, load_json, read_content
 from cgroup.io.numpy_files import load_npy
-from cgroup.io.parts import folder_made_whole
 
 _FACTS = "map.json"
 _VERSION = 2

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cgroup import _core
-from cgroup._checks.run_options import run_options
-from cgroup._runtime.cached import cached_property
+from cgroup._checks.values import run_options
+from cgroup._runtime.workers import cached_property
 from cgroup.types import FloatArray, IndexArray
 
 _FLAT, _STEEP = 0.9, 0.3  # cosines of normals with the axis: of floors from, of walls up to

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from cgroup import _core
-from cgroup._checks.array_types import RealArray
-from cgroup._checks.fields import FIELDS, Fields, check_fields
-from cgroup._checks.run_options import run_options
+from cgroup._checks.arrays import RealArray
+from cgroup._checks.values import run_options
 from cgroup._runtime.memory import max_memory_for, report_refused_memory
 from cgroup.types import Agreement, Grouping, Rule
+from cgroup.types.fields import FIELDS, Fields, check_fields
 
 
 @report_refused_memory()

@@ -174,16 +174,6 @@ _KINDS = {
 }
 """Annotation, and type in words, of the kinds of options; choices list their values."""
 
-_RAISES = """Raises
-------
-InputError
-    If a field has a wrong shape or values, or an option is out of its range; if a length is
-    needed, and neither that nor `resolution` is given.
-OutOfMemoryError
-    If the system gives no memory for the computation.
-
-"""
-
 
 def method(
     name: str,
@@ -210,7 +200,7 @@ def method(
     Returns
     -------
     callable
-        Decorator of a function without a body. The docstring lacks Parameters and Raises.
+        Decorator of a function without a body. The docstring lacks Parameters.
     """
     fields, optional_fields, options = DESCRIBED[name]
     described = {each: MethodOption(*what) for each, what in options.items()}
@@ -293,13 +283,13 @@ def _in_docstring(markdown: str) -> str:
 
 
 def _complete(docstring: str, parameters: list[_Described]) -> str:
-    """Return a docstring with its Parameters and Raises."""
-    head, returns, *rest = re.split(r"(?m)^(?=(?:Returns|References|Examples)\n-)", cleandoc(docstring))
+    """Return a docstring with its Parameters."""
+    head, returns, *rest = re.split(r"(?m)^(?=(?:Returns|Examples)\n-)", cleandoc(docstring))
     entries = [
         f"{', '.join(each.name for each, _, _ in alike)} : {words}\n{_indented(meaning)}\n"
         for (words, meaning), alike in groupby(parameters, key=lambda entry: entry[1:])
     ]
-    return "".join([head, "Parameters\n----------\n", *entries, "\n", returns, _RAISES, *rest])
+    return "".join([head, "Parameters\n----------\n", *entries, "\n", returns, *rest])
 
 
 def _indented(text: str) -> str:

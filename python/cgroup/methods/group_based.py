@@ -20,19 +20,14 @@ _RECOMPUTED = "A larger matrix is recomputed row by row, with the same result."
 def ransac() -> None:
     """Random sample consensus (RANSAC): the sampled motion with the most inliers.
 
-    Section 3.2 of Yang et al., TPAMI 2019, after [1]_: a sample is three correspondences, its motion their
-    least-squares transform. Samples are rows, so that the order of the rows changes them, as another `seed`
-    does. Cost O(iterations n).
+    Section 3.2 of Yang et al., TPAMI 2019, after Fischler, Bolles, CACM 1981: a sample is three
+    correspondences, its motion their least-squares transform. Samples are rows, so that the order of the rows
+    changes them, as another `seed` does. Cost O(iterations n).
 
     Returns
     -------
     Grouping
         Its `model` is the transform (4,4) behind the selection. Without any inlier the group is empty.
-
-    References
-    ----------
-    .. [1] M. Fischler, R. Bolles, "Random Sample Consensus: A Paradigm for Model Fitting with Applications to
-       Image Analysis and Automated Cartography", CACM, 1981.
 
     Examples
     --------
@@ -62,19 +57,14 @@ def ransac() -> None:
 def st() -> None:
     """Spectral technique (ST): the main cluster of the pairwise affinity matrix.
 
-    Section 3.2, Eq. (12) of Yang et al., TPAMI 2019, after [1]_: correspondences are accepted in the order of
-    their entries in the principal eigenvector, each unless it conflicts with one accepted before. Cost O(n^2)
-    per power step.
+    Section 3.2, Eq. (12) of Yang et al., TPAMI 2019, after Leordeanu, Hebert, ICCV 2005: correspondences are
+    accepted in the order of their entries in the principal eigenvector, each unless it conflicts with one
+    accepted before. Cost O(n^2) per power step.
 
     Returns
     -------
     Grouping
         Its scores are the entries of the principal eigenvector.
-
-    References
-    ----------
-    .. [1] M. Leordeanu, M. Hebert, "A Spectral Technique for Correspondence Problems Using Pairwise
-       Constraints", ICCV, 2005.
 
     Examples
     --------
@@ -107,18 +97,14 @@ def st() -> None:
 def gc() -> None:
     """Geometric consistency (GC): the largest cluster that keeps distances to a seed.
 
-    Section 3.2, Eq. (13) of Yang et al., TPAMI 2019, after [1]_. Of equally large clusters that of the first
-    row is taken, so that the group may depend on the order of the rows. Cost O(n^2) time, O(n) memory.
+    Section 3.2, Eq. (13) of Yang et al., TPAMI 2019, after Chen, Bhanu, PRL 2007. Of equally large clusters
+    that of the first row is taken, so that the group may depend on the order of the rows. Cost O(n^2) time,
+    O(n) memory.
 
     Returns
     -------
     Grouping
         Its scores are the sizes of the star clusters (star variant).
-
-    References
-    ----------
-    .. [1] H. Chen, B. Bhanu, "3D Free-Form Object Recognition in Range Images Using Local Surface Patches",
-       Pattern Recognition Letters, 2007.
 
     Examples
     --------
@@ -153,17 +139,13 @@ def gc() -> None:
 def hough3d() -> None:
     """3D Hough voting (3DHV): votes for the source's centroid in the target.
 
-    Section 3.2, Eq. (14) to (16) of Yang et al., TPAMI 2019, after [1]_. Cost O(n log n).
+    Section 3.2, Eq. (14) to (16) of Yang et al., TPAMI 2019, after Tombari, Di Stefano, PSIVT 2010. Cost O(n
+    log n).
 
     Returns
     -------
     Grouping
         The voters of the fullest bin and its neighbours; without scores.
-
-    References
-    ----------
-    .. [1] F. Tombari, L. Di Stefano, "Object Recognition in 3D Scenes with Occlusions and Clutter by Hough
-       Voting", PSIVT, 2010.
 
     Examples
     --------
@@ -193,18 +175,13 @@ def hough3d() -> None:
 def gtm() -> None:
     """Game theory matching (GTM): correspondences that agree with survivors survive.
 
-    Section 3.2, Eq. (17) and (18) of Yang et al., TPAMI 2019, after [1]_. Payoffs of more than 1,024
-    correspondences are rounded to 16 bits, by 8e-6 at most. Cost O(n^2) per step.
+    Section 3.2, Eq. (17) and (18) of Yang et al., TPAMI 2019, after Rodola et al., IJCV 2013. Payoffs of more
+    than 1,024 correspondences are rounded to 16 bits, by 8e-6 at most. Cost O(n^2) per step.
 
     Returns
     -------
     Grouping
         Its scores are the population shares, which sum to 1, and `Grouping.threshold` is the cut on them.
-
-    References
-    ----------
-    .. [1] E. Rodola, A. Albarelli, F. Bergamasco, A. Torsello, "A Scale Independent Selection Process for 3D
-       Object Recognition in Cluttered Scenes", IJCV, 2013.
 
     Examples
     --------

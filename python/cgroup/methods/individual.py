@@ -53,17 +53,14 @@ def ss() -> None:
 def nnsr() -> None:
     """Nearest-neighbour similarity ratio (NNSR): keep the distinctive correspondences.
 
-    Section 3.1, Eq. (2) of Yang et al., TPAMI 2019, after [1]_. The printed bound 0.8 on ``1 - d1/d2`` is
-    Lowe's bound on ``d1/d2``; ``max_ratio=0.2`` is the formula read to the letter. Cost O(n), on one thread.
+    Section 3.1, Eq. (2) of Yang et al., TPAMI 2019, after Lowe, IJCV 2004. The printed bound 0.8 on ``1 -
+    d1/d2`` is Lowe's bound on ``d1/d2``; ``max_ratio=0.2`` is the formula read to the letter. Cost O(n), on
+    one thread.
 
     Returns
     -------
     Grouping
         Its scores are ``1 - ratio``. Without points, so that `Grouping.transform` needs `cgroup.group`.
-
-    References
-    ----------
-    .. [1] D. Lowe, "Distinctive Image Features from Scale-Invariant Keypoints", IJCV, 2004.
 
     Examples
     --------
@@ -89,17 +86,13 @@ def nnsr() -> None:
 def si() -> None:
     """Search of inliers (SI): votes of neighbours, then of the most distinctive.
 
-    Section 3.1, Eq. (3) to (6) of Yang et al., TPAMI 2019, after [1]_. Cost O(n log n + n neighbors).
+    Section 3.1, Eq. (3) to (6) of Yang et al., TPAMI 2019, after Buch et al., CVPR 2014. Cost O(n log n + n
+    neighbors).
 
     Returns
     -------
     Grouping
         Its scores are shares of votes, in [0,1], and `Grouping.threshold` is the cut on them.
-
-    References
-    ----------
-    .. [1] A. G. Buch, Y. Yang, N. Kruger, H. G. Petersen, "In Search of Inliers: 3D Correspondence by Local
-       and Global Voting", CVPR, 2014.
 
     Examples
     --------
@@ -129,18 +122,13 @@ def si() -> None:
 def cv() -> None:
     """Consistency voting (CV): votes of the most distinctive correspondences.
 
-    Section 3.1, Eq. (7) to (11) of Yang et al., TPAMI 2019, after [1]_. A vote falls with the difference of
-    the distances, and with that of the angles between the frames. Cost O(n voters).
+    Section 3.1, Eq. (7) to (11) of Yang et al., TPAMI 2019, after Yang et al., 2019. A vote falls with the
+    difference of the distances, and with that of the angles between the frames. Cost O(n voters).
 
     Returns
     -------
     Grouping
         Its scores are sums of votes, in [0, voters], and `Grouping.threshold` is the cut on them.
-
-    References
-    ----------
-    .. [1] J. Yang, Y. Xiao, Z. Cao, "Ranking 3D Feature Correspondences via Consistency Voting", Pattern
-       Recognition Letters, 2019.
 
     Examples
     --------

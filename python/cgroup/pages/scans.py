@@ -16,8 +16,7 @@ from cgroup.plots import style
 from cgroup.plots.agreement import thin
 from cgroup.plots.scans import LEAST_RANGE, MOST_NAMED, look_at, place_nodes
 from cgroup.scenes import Edge, Scene
-from cgroup.scenes.scene import cloud_of
-from cgroup.scenes.scene_files import scan_colors
+from cgroup.scenes.scene import cloud_of, scan_colors
 from cgroup.types import FloatArray
 
 _POINTS = 150_000

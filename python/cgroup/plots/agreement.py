@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cgroup import _core
-from cgroup._checks.run_options import run_options
+from cgroup._checks.values import run_options
 from cgroup.features import normals
 from cgroup.types import Correspondences, FloatArray, IndexArray
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cgroup._checks.array_types import BoolArray, FloatArray, IndexArray
+from cgroup._checks.arrays import BoolArray, FloatArray, IndexArray
 from cgroup._checks.quoting import cut, escape
 from cgroup.errors import InputError
 from cgroup.io.files import load_json, number_lines

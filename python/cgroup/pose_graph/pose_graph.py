@@ -12,10 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cgroup import _core
-from cgroup._checks.array_types import BoolArray, FloatArray, IndexArray
-from cgroup._checks.arrays import as_array
-from cgroup._checks.run_options import run_options
-from cgroup._checks.values import as_choice, as_flag, as_index, as_path, refusal
+from cgroup._checks.arrays import BoolArray, FloatArray, IndexArray, as_array
+from cgroup._checks.values import as_choice, as_flag, as_index, as_path, refusal, run_options
 from cgroup.errors import InputError
 from cgroup.io import write_file
 from cgroup.io.files import load_text, naming, written_path

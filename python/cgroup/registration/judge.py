@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from cgroup._runtime.cached import cached_property
+from cgroup._runtime.workers import cached_property
 from cgroup.registration.evidence import Evidence
 from cgroup.registration.matching import turn_matches
 from cgroup.registration.motions import say_motion

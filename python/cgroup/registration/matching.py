@@ -9,13 +9,13 @@ import numpy as np
 from cgroup import features
 from cgroup._checks.arrays import in_double
 from cgroup._checks.calls import explain_wrong_calls
-from cgroup._checks.fields import FIELDS, Fields
 from cgroup._checks.values import as_instance
 from cgroup.errors import NoConsensusError
 from cgroup.features import DescribedCloud
 from cgroup.features.matching import Matches
 from cgroup.group import group
-from cgroup.types import BoolArray, Correspondences, FloatArray, Grouping, own_correspondences
+from cgroup.types import BoolArray, Correspondences, FloatArray, Grouping
+from cgroup.types.fields import FIELDS, Fields, own_correspondences
 
 _OF_THE_CLOUDS = ("resolution", "source_centroid")  # all other fields have a row per match
 _RESOLUTIONS = 3.0  # in LC's tolerance

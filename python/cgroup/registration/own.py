@@ -8,7 +8,6 @@ import numpy as np
 
 from cgroup import features
 from cgroup._checks.arrays import as_rows, in_double
-from cgroup._checks.fields import FIELDS, Fields
 from cgroup._checks.values import as_items, as_length, refusal
 from cgroup.errors import InputError
 from cgroup.features import DescribedCloud
@@ -17,7 +16,8 @@ from cgroup.features.voxels import thin
 from cgroup.registration.matching import frame_poses
 from cgroup.registration.prepare import UNIT, PreparedScan
 from cgroup.rigid.transforms import are_rigid
-from cgroup.types import Correspondences, IndexArray, RealArray, own_correspondences
+from cgroup.types import Correspondences, IndexArray, RealArray
+from cgroup.types.fields import FIELDS, Fields, own_correspondences
 
 _ROWS = "give Correspondences, or (i, j): rows of matched points, such as rows.T of an (n,2) array"
 

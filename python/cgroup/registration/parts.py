@@ -6,11 +6,11 @@ from itertools import product
 
 import numpy as np
 
-from cgroup._checks.fields import Fields
 from cgroup.group import group
 from cgroup.registration.matching import group_poses
 from cgroup.registration.prepare import PreparedScan
-from cgroup.types import FloatArray, IndexArray, own_correspondences
+from cgroup.types import FloatArray, IndexArray
+from cgroup.types.fields import Fields, own_correspondences
 
 _LINKED = 2.0  # voxels along an edge of the cells whose neighbours belong to one part
 _LEAST_PARTS, _MOST_PARTS = 5, 60

@@ -13,9 +13,9 @@ from cgroup import features
 from cgroup._checks.arrays import in_double
 from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.values import as_choice, as_instance, as_length
-from cgroup._runtime.cached import cached_property
 from cgroup._runtime.memory import report_refused_memory
 from cgroup._runtime.progress import as_stage_function, ignore_progress
+from cgroup._runtime.workers import cached_property
 from cgroup.errors import InputError
 from cgroup.features import Cloud, DescribedCloud, Viewpoint, Voxels
 from cgroup.features.voxels import choose_thinning, thin

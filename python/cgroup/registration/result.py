@@ -24,7 +24,8 @@ from cgroup.registration.judge import Found, Judgement
 from cgroup.registration.matching import scale_matches
 from cgroup.rigid import apply
 from cgroup.rigid.transforms import split_scale
-from cgroup.types import AnyCloud, Correspondences, FloatArray, Grouping, PointCloud, as_cloud
+from cgroup.types import AnyCloud, Correspondences, FloatArray, Grouping, PointCloud
+from cgroup.types.point_cloud import as_cloud, join_clouds
 
 SCAN_COLORS = (230, 159, 0), (0, 114, 178)
 """Red, green and blue of source and target, if the clouds have no colours."""
@@ -270,16 +271,12 @@ def merge_clouds(
     """
     if voxel is None:
         voxel = min(features.resolution(cloud.points) for cloud in clouds)
-    normals = [cloud.normals for cloud in clouds if cloud.normals is not None]
-    own = [cloud.colors for cloud in clouds if cloud.colors is not None]
-    if len(own) < len(clouds):
-        own = [np.full((len(cloud), 3), color, np.uint8) for cloud, color in zip(clouds, colors, strict=True)]
-    every = PointCloud(
-        np.concatenate([cloud.points for cloud in clouds]),
-        np.concatenate(normals) if len(normals) == len(clouds) else None,
-        colors=np.concatenate(own),
-    )
-    voxels = features.voxel_downsample(every, voxel)
+    if any(cloud.colors is None for cloud in clouds):
+        clouds = [
+            replace(cloud, colors=np.full((len(cloud), 3), color, np.uint8))
+            for cloud, color in zip(clouds, colors, strict=True)
+        ]
+    voxels = features.voxel_downsample(join_clouds(clouds), voxel)
     return PointCloud(voxels.points, voxels.normals, colors=voxels.colors)
 
 

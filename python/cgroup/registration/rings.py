@@ -14,7 +14,7 @@ import numpy as np
 
 from cgroup import _core
 from cgroup._checks.arrays import in_double
-from cgroup._checks.run_options import run_options
+from cgroup._checks.values import run_options
 from cgroup.features import Cloud
 from cgroup.registration.scan import Scan
 from cgroup.types import FloatArray, IndexArray

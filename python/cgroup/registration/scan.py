@@ -18,15 +18,15 @@ from cgroup._checks.arrays import (
     real_normals,
     real_points,
 )
-from cgroup._checks.run_options import run_options
-from cgroup._checks.values import as_length
-from cgroup._runtime.cached import cached_property
+from cgroup._checks.values import as_length, run_options
+from cgroup._runtime.workers import cached_property
 from cgroup.errors import InputError
 from cgroup.features import Cloud, Viewpoint, sample_mesh
 from cgroup.features._places import find_distinct, renumber
 from cgroup.features.cloud import core_cloud
 from cgroup.features.meshes import longest_edges
-from cgroup.types import AnyCloud, BoolArray, FloatArray, IndexArray, PointCloud, RealArray, find_cloud
+from cgroup.types import AnyCloud, BoolArray, FloatArray, IndexArray, PointCloud, RealArray
+from cgroup.types.point_cloud import find_cloud
 
 Normals: TypeAlias = Literal["pca", "mesh", "given"]
 NORMALS: tuple[Normals, ...] = ("pca", "mesh", "given")

@@ -9,8 +9,8 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
-from cgroup._runtime.cached import cached_property
 from cgroup._runtime.progress import StageClock
+from cgroup._runtime.workers import cached_property
 from cgroup.errors import InputError
 from cgroup.features import ORIGIN
 from cgroup.registration.covariance import count_open_motions

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cgroup import _core
-from cgroup._checks.run_options import run_options
+from cgroup._checks.values import run_options
 from cgroup.registration.judge import Found, is_accepted
 from cgroup.registration.motions import OPEN
 from cgroup.registration.prepare import PreparedScan

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cgroup._checks.array_types import FloatArray
+from cgroup._checks.arrays import FloatArray
 from cgroup.rigid.transforms import apply, axis_of
 
 _FADED = 1e-9  # sine of a rotation below which it is rounding

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cgroup._checks.array_types import BoolArray, FloatArray, RealArray
-from cgroup._checks.arrays import as_floats, real_points
+from cgroup._checks.arrays import BoolArray, FloatArray, RealArray, as_floats, real_points
 from cgroup._checks.values import as_instance
 from cgroup.errors import InputError
 

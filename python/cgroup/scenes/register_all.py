@@ -22,7 +22,7 @@ from cgroup._runtime.workers import count_workers, work_side_by_side
 from cgroup._show.words import counted
 from cgroup.errors import InputError
 from cgroup.features import Cloud
-from cgroup.io.folders import find_clouds
+from cgroup.io.clouds import find_clouds
 from cgroup.registration import PreparedScan
 from cgroup.registration.prepare import Given, agree, as_given
 from cgroup.registration.register import as_pairs, as_viewpoints

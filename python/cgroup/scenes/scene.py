@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import colorsys
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from cgroup._checks.arrays import in_double
 from cgroup._checks.hooks import call_hook
@@ -19,15 +21,50 @@ from cgroup._show.words import counted, number
 from cgroup.errors import InputError
 from cgroup.features import Cloud
 from cgroup.io import write_cloud, write_file
-from cgroup.io.files import check_outputs, written_path
+from cgroup.io.files import check_outputs, number_lines, written_path
 from cgroup.io.scan_names import list_names, names_file
 from cgroup.pose_graph import PoseGraph
-from cgroup.pose_graph.files import GraphContent, format_g2o, format_json
+from cgroup.pose_graph.files import GraphContent, format_g2o, format_json, motion_lines
 from cgroup.registration import PreparedScan
 from cgroup.registration.covariance import covariance_in
 from cgroup.registration.result import merge_clouds
-from cgroup.scenes.scene_files import POSE_FORMATS, WITHOUT_NAMES, format_poses, scan_colors
-from cgroup.types import AnyCloud, FloatArray, PointCloud, as_cloud
+from cgroup.types import AnyCloud, FloatArray, PointCloud
+from cgroup.types.point_cloud import as_cloud
+
+_FIRST_COLORS = bytes.fromhex("E69F00 0072B2 009E73 CC79A7 56B4E9 D55E00 B8AC1B 7A5195")
+"""Colours that are distinct for every common kind of colour vision."""
+
+_GOLDEN = 0.618
+"""Turn between the hues of consecutive scans, which keeps them apart."""
+
+POSE_FORMATS = (".tum", ".kitti", ".log")
+WITHOUT_NAMES = (".kitti", ".log")
+"""Formats without comments: many readers expect numbers in each line."""
+
+
+def scan_colors(count: int) -> NDArray[np.uint8]:
+    """Return red, green and blue of a number of scans."""
+    first = np.frombuffer(_FIRST_COLORS, np.uint8).reshape(-1, 3)
+    further = [
+        colorsys.hls_to_rgb(_GOLDEN * number % 1, (0.42, 0.58, 0.7)[number % 3], 0.62)
+        for number in range(len(first), count)
+    ]
+    bytes_of = np.rint(255 * np.reshape(further, (-1, 3)))
+    return np.concatenate([first, bytes_of]).astype(np.uint8)[:count]
+
+
+def format_poses(suffix: str, poses: FloatArray, rows: Sequence[int], names: Sequence[str]) -> str:
+    """Format poses of scans, their rows, and the names of all scans."""
+    if suffix == ".kitti":
+        lines = number_lines(poses[:, :3].reshape(-1, 12))
+    elif suffix == ".tum":
+        lines = [f"# {line}" for line in (*list_names(names, rows), "row of the scan, tx ty tz qx qy qz qw")]
+        lines += [f"{row} {line}" for row, line in zip(rows, motion_lines(poses), strict=True)]
+    else:
+        blocks = zip(rows, map(number_lines, poses), strict=True)
+        lines = [line for row, pose in blocks for line in (f"{row} {row} {row + 1}", *pose)]
+    return "".join(f"{line}\n" for line in lines)
+
 
 _CLOUDS, _GRAPHS = (".ply", ".pcd"), (".g2o", ".json")
 

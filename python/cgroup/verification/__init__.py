@@ -17,9 +17,8 @@ scales every tolerance.
 from __future__ import annotations
 
 from cgroup.verification.alignment import Alignment, FineSurface, align
-from cgroup.verification.places import Place, places
 from cgroup.verification.schedule import Verification, score_poses, verify
-from cgroup.verification.surface import Surface
+from cgroup.verification.surface import Place, Surface, places
 
 __all__ = [
     "Alignment",

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cgroup import _core
-from cgroup._checks.run_options import run_options
-from cgroup._checks.values import as_instance, as_length
+from cgroup._checks.values import as_instance, as_length, run_options
 from cgroup.features.cloud import CloudLike, core_cloud
 from cgroup.rigid import check_rigid
 from cgroup.types import FloatArray

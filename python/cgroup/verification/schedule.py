@@ -8,8 +8,7 @@ from numpy.typing import ArrayLike
 
 from cgroup import _core
 from cgroup._checks.arrays import as_floats
-from cgroup._checks.run_options import run_options
-from cgroup._checks.values import as_instance, as_length
+from cgroup._checks.values import as_instance, as_length, run_options
 from cgroup.errors import InputError
 from cgroup.rigid.transforms import as_poses
 from cgroup.types import Correspondences, FloatArray, IndexArray

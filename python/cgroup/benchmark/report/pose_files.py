@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cgroup.io import write_file
-from cgroup.io.logs import format_log
 from cgroup.io.result_folders import make_folder
+from cgroup.io.transforms import format_log
 from cgroup.types import FloatArray
 
 if TYPE_CHECKING:  # slow to load

@@ -20,8 +20,8 @@ from cgroup.cli.show.terminal import print_facts, print_line, show_stages, write
 from cgroup.cli.wording import is_given
 from cgroup.errors import CgroupError
 from cgroup.io.attributes import unkept_attributes
+from cgroup.io.clouds import find_clouds
 from cgroup.io.files import check_outputs
-from cgroup.io.folders import find_clouds
 from cgroup.io.result_folders import Results, make_folder
 from cgroup.registration.covariance import deviations_at
 from cgroup.rigid import apply

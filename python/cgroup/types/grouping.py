@@ -1,215 +1,32 @@
-"""Inputs and outputs of grouping methods, and point clouds."""
+"""Groups of correspondences, and the rule that selected them."""
 
 from __future__ import annotations
 
-import os
-from dataclasses import dataclass, field, replace
-from typing import Any, Protocol, TypeAlias
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cgroup import _core
-from cgroup._checks.array_types import BoolArray, FloatArray, IndexArray, RealArray
-from cgroup._checks.arrays import as_colors, as_faces, as_points, in_double, real_normals
-from cgroup._checks.fields import OPTIONAL_FIELDS, Fields, check_fields
-from cgroup._checks.foreign import cloud_parts
+from cgroup._checks.arrays import (
+    BoolArray,
+    FloatArray,
+    IndexArray,
+    RealArray,
+)
 from cgroup._checks.hooks import call_hook
 from cgroup._show.drawing import plot
 from cgroup._show.notebook import pose_html, result_table
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.explanation import Explanation
-from cgroup.rigid import apply, check_rigid
-
-
-class _HasPoints(Protocol):
-    """A cloud of Open3D, small_gicp or PyVista, or one that laspy has read."""
-
-    @property
-    def points(self) -> Any: ...  # noqa: ANN401 - of the library's own kind, here and below
-
-
-class _HasVertices(Protocol):
-    """A mesh of Open3D or trimesh."""
-
-    @property
-    def vertices(self) -> Any: ...  # noqa: ANN401
-
-
-class _HasPoint(Protocol):
-    """A cloud of Open3D's tensors."""
-
-    @property
-    def point(self) -> Any: ...  # noqa: ANN401
-
-
-class _HasVertex(Protocol):
-    """A mesh of Open3D's tensors."""
-
-    @property
-    def vertex(self) -> Any: ...  # noqa: ANN401
-
-
-class _IsMessage(Protocol):
-    """A cloud of ROS."""
-
-    fields: Any
-    data: Any
-
-
-_Foreign: TypeAlias = _HasPoints | _HasVertices | _HasPoint | _HasVertex | _IsMessage
-
-
-__all__ = [
-    "OPTIONAL_FIELDS",
-    "Agreement",
-    "AnyCloud",
-    "BoolArray",
-    "Correspondences",
-    "FloatArray",
-    "Grouping",
-    "IndexArray",
-    "PointCloud",
-    "RealArray",
-    "Rule",
-]
+from cgroup.types.fields import Correspondences
+from cgroup.types.point_cloud import AnyCloud
 
 _WITHOUT_POINTS = (
     "{}: this group was made without points; "
     'group correspondences that have them: cgroup.group(correspondences, "ss")'
 )
-
-
-@dataclass(frozen=True, eq=False)
-class Correspondences:
-    """Putative matches between two shapes; row i of every field is the same match.
-
-    The arrays are read-only copies, which nothing changes later: float32 where they were given so, else
-    float64.
-
-    Parameters
-    ----------
-    source, target : (n,3) array_like of float
-        Matched points in the data's unit; the transform maps `source` into `target`.
-    similarity : (n,) array_like of float, optional
-        Descriptor similarity ``1 - |f_norm - f'_norm|``, higher is better; -inf for no descriptor.
-    ratio : (n,) array_like of float, optional
-        Nearest / second-nearest descriptor distance, in [0,1], lower is better.
-    source_lrf, target_lrf : (n,3,3) array_like of float, optional
-        Local reference frames; rows are the x, y and z axes; a block with NaN means no frame.
-    resolution : float, optional
-        Mean nearest-neighbour distance of the clouds (the unit *pr*), in the data's unit.
-    source_centroid : (3,) array_like of float, optional
-        Centroid of the whole source cloud; `hough3d` uses the mean of `source` without it.
-    candidates : (n,k,3) array_like of float, optional
-        Target points that each source point may match, the likeliest first, such as those of its k nearest
-        descriptors.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cgroup import Correspondences, group
-    >>> source = np.random.default_rng(0).uniform(size=(50, 3))
-    >>> target = source + [1.0, 0.0, 0.0]
-    >>> target[40:] = 0.0
-    >>> matches = Correspondences(source, target, resolution=0.01)
-    >>> matches
-    Correspondences(n=50, fields=['source', 'target', 'resolution'])
-    >>> group(matches, "gc").size
-    40
-    """
-
-    source: RealArray
-    target: RealArray
-    similarity: RealArray | None = None
-    ratio: RealArray | None = None
-    source_lrf: RealArray | None = None
-    target_lrf: RealArray | None = None
-    resolution: float | None = None
-    source_centroid: RealArray | None = None
-    candidates: RealArray | None = None
-
-    def __init__(
-        self,
-        source: AnyCloud,
-        target: AnyCloud,
-        *,
-        similarity: ArrayLike | None = None,
-        ratio: ArrayLike | None = None,
-        source_lrf: ArrayLike | None = None,
-        target_lrf: ArrayLike | None = None,
-        resolution: float | None = None,
-        source_centroid: ArrayLike | None = None,
-        candidates: ArrayLike | None = None,
-    ) -> None:
-        given = {name: value for name, value in locals().items() if name != "self"}
-        fields = check_fields(**given)
-        _take_fields(self, Fields(*(_copied(value) for value in fields)))
-
-    def __len__(self) -> int:
-        return len(self.source)
-
-    def __repr__(self) -> str:
-        given = [name for name in OPTIONAL_FIELDS if getattr(self, name) is not None]
-        return f"Correspondences(n={len(self)}, fields={['source', 'target', *given]})"
-
-    def _repr_html_(self) -> str:
-        return result_table(f"Correspondences: {len(self)} matches", None, _rows_of(self))
-
-    def plot(
-        self,
-        source: AnyCloud | None = None,
-        target: AnyCloud | None = None,
-        *,
-        T_target_source: ArrayLike | None = None,
-        correct: ArrayLike | None = None,
-        interactive: bool = False,
-    ) -> Any:  # noqa: ANN401 - matplotlib's Figure or plotly's
-        """Draw both sides and lines between matched points.
-
-        Parameters
-        ----------
-        source, target : PointCloud or (N,3) array_like of float, optional
-            The whole clouds; the matched points where they are not given.
-        T_target_source : (4,4) array_like of float, optional
-            Rotates the source as in this pose, so that lines of right matches are parallel.
-        correct : (n,) array_like of bool, optional
-            Which matches are correct; lines are coloured by it.
-        interactive : bool
-            Return a figure to rotate and zoom, with hover texts.
-
-        Returns
-        -------
-        matplotlib.figure.Figure or plotly.graph_objects.Figure
-            Not shown; notebooks show what a cell returns.
-        """
-        given = {"source": source, "target": target, "pose": T_target_source, "correct": correct}
-        everything = np.ones(len(self), dtype=bool)
-        return plot(given, self, everything, interactive=interactive, title=f"{len(self)} matches")
-
-
-def _rows_of(matches: Correspondences) -> list[tuple[str, str]]:
-    given = [name for name in OPTIONAL_FIELDS if getattr(matches, name) is not None and name != "resolution"]
-    resolution = "" if matches.resolution is None else f"{matches.resolution:.4g}"
-    return [("besides the points", ", ".join(given) or "nothing"), ("resolution (pr)", resolution)]
-
-
-def own_correspondences(fields: Fields) -> Correspondences:
-    """Return correspondences of arrays that are checked and that nobody else changes: they aren't copied."""
-    made = object.__new__(Correspondences)
-    _take_fields(made, fields)
-    return made
-
-
-def _take_fields(matches: Correspondences, fields: Fields) -> None:
-    for name, value in fields._asdict().items():
-        if isinstance(value, np.ndarray):
-            value.flags.writeable = False
-        object.__setattr__(matches, name, value)
-
-
-def _copied(value: RealArray | float | None) -> Any:  # noqa: ANN401 - of the same kind
-    return value.copy() if isinstance(value, np.ndarray) else value
 
 
 @dataclass(frozen=True)
@@ -521,88 +338,3 @@ class Grouping:
     def __repr__(self) -> str:
         cut = "" if self.complete else ", search cut short"
         return f"Grouping({self.size} of {len(self.mask)} selected{cut})"
-
-
-@dataclass(frozen=True, eq=False)
-class PointCloud:
-    """A scan or a model, as read from a file.
-
-    Attributes
-    ----------
-    points : (N,3) array of float64
-        Coordinates in the file's unit, all finite.
-    normals : (N,3) array of float64, optional
-        Normals as stored in the file.
-    faces : (M,3) array of int, optional
-        Triangles as rows of `points`.
-    colors : (N,3) array of uint8, optional
-        Red, green, blue.
-    dropped : int
-        Points of the file that were dropped: a coordinate was NaN or infinite, the scanner got no return, or
-        a splat was nearly transparent.
-    viewpoint : (3,) array of float64, optional
-        Position of the scanner in the frame of the points, if the file has it. The origin in PCD and E57
-        counts as unknown, as writers put it there by default. None for a file of scans from several places.
-    """
-
-    points: FloatArray
-    normals: FloatArray | None = None
-    faces: IndexArray | None = None
-    colors: NDArray[np.uint8] | None = None
-    dropped: int = 0
-    viewpoint: FloatArray | None = None
-
-    def __len__(self) -> int:
-        """Return the number of points."""
-        return len(self.points)
-
-    def transformed(self, transform: ArrayLike) -> PointCloud:
-        """Move the cloud by a rigid transform.
-
-        Parameters
-        ----------
-        transform : (4,4) array_like of float
-            Applied to column vectors: p' = R p + t.
-
-        Returns
-        -------
-        PointCloud
-            Moved points and viewpoint, rotated normals; faces and colours unchanged.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> from cgroup.types import PointCloud
-        >>> upwards = np.eye(4)
-        >>> upwards[2, 3] = 5.0
-        >>> PointCloud(np.zeros((1, 3))).transformed(upwards).points
-        array([[0., 0., 5.]])
-        """
-        matrix = check_rigid(transform)
-        normals = None if self.normals is None else self.normals @ matrix[:3, :3].T
-        place = None if self.viewpoint is None else apply(matrix, np.array([self.viewpoint]))[0]
-        return replace(self, points=apply(matrix, self.points), normals=normals, viewpoint=place)
-
-
-AnyCloud: TypeAlias = "PointCloud | ArrayLike | os.PathLike[str] | _Foreign"
-"""Points in any form: a cloud, that of another library, an array, a data frame, or the path of a file."""
-
-
-def find_cloud(name: str, cloud: object) -> PointCloud | None:
-    """Return a `PointCloud`, or one made of a cloud of another library; None for arrays."""
-    if isinstance(cloud, PointCloud):
-        return cloud
-    parts = cloud_parts(name, cloud)
-    if parts is None:
-        return None
-    normals = None if parts.normals is None else in_double(real_normals(f"{name}.normals", parts.normals))
-    faces = None if parts.faces is None else as_faces(f"{name}.faces", parts.faces)
-    points = as_points(name, parts.points)
-    return PointCloud(points, normals, faces, as_colors(parts.colors, len(points)), viewpoint=parts.viewpoint)
-
-
-def as_cloud(name: str, cloud: AnyCloud) -> PointCloud:
-    """Return a `PointCloud` of points in any form."""
-    if isinstance(cloud, PointCloud):
-        return cloud
-    return find_cloud(name, cloud) or PointCloud(as_points(name, cloud))

@@ -1,0 +1,167 @@
+"""Point clouds, also those of other libraries."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Protocol, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cgroup._checks.arrays import (
+    FloatArray,
+    IndexArray,
+    as_colors,
+    as_faces,
+    as_points,
+    in_double,
+    real_normals,
+)
+from cgroup._checks.foreign import cloud_parts
+from cgroup.rigid import apply, check_rigid
+
+
+class _HasPoints(Protocol):
+    """A cloud of Open3D, small_gicp or PyVista, or one that laspy has read."""
+
+    @property
+    def points(self) -> Any: ...  # noqa: ANN401 - of the library's own kind, here and below
+
+
+class _HasVertices(Protocol):
+    """A mesh of Open3D or trimesh."""
+
+    @property
+    def vertices(self) -> Any: ...  # noqa: ANN401
+
+
+class _HasPoint(Protocol):
+    """A cloud of Open3D's tensors."""
+
+    @property
+    def point(self) -> Any: ...  # noqa: ANN401
+
+
+class _HasVertex(Protocol):
+    """A mesh of Open3D's tensors."""
+
+    @property
+    def vertex(self) -> Any: ...  # noqa: ANN401
+
+
+class _IsMessage(Protocol):
+    """A cloud of ROS."""
+
+    fields: Any
+    data: Any
+
+
+_Foreign: TypeAlias = _HasPoints | _HasVertices | _HasPoint | _HasVertex | _IsMessage
+
+
+@dataclass(frozen=True, eq=False)
+class PointCloud:
+    """A scan or a model, as read from a file.
+
+    Attributes
+    ----------
+    points : (N,3) array of float64
+        Coordinates in the file's unit, all finite.
+    normals : (N,3) array of float64, optional
+        Normals as stored in the file.
+    faces : (M,3) array of int, optional
+        Triangles as rows of `points`.
+    colors : (N,3) array of uint8, optional
+        Red, green, blue.
+    dropped : int
+        Points of the file that were dropped: a coordinate was NaN or infinite, the scanner got no return, or
+        a splat was nearly transparent.
+    viewpoint : (3,) array of float64, optional
+        Position of the scanner in the frame of the points, if the file has it. The origin in PCD and E57
+        counts as unknown, as writers put it there by default. None for a file of scans from several places.
+    """
+
+    points: FloatArray
+    normals: FloatArray | None = None
+    faces: IndexArray | None = None
+    colors: NDArray[np.uint8] | None = None
+    dropped: int = 0
+    viewpoint: FloatArray | None = None
+
+    def __len__(self) -> int:
+        """Return the number of points."""
+        return len(self.points)
+
+    def transformed(self, transform: ArrayLike) -> PointCloud:
+        """Move the cloud by a rigid transform.
+
+        Parameters
+        ----------
+        transform : (4,4) array_like of float
+            Applied to column vectors: p' = R p + t.
+
+        Returns
+        -------
+        PointCloud
+            Moved points and viewpoint, rotated normals; faces and colours unchanged.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from cgroup.types import PointCloud
+        >>> upwards = np.eye(4)
+        >>> upwards[2, 3] = 5.0
+        >>> PointCloud(np.zeros((1, 3))).transformed(upwards).points
+        array([[0., 0., 5.]])
+        """
+        matrix = check_rigid(transform)
+        normals = None if self.normals is None else self.normals @ matrix[:3, :3].T
+        place = None if self.viewpoint is None else apply(matrix, np.array([self.viewpoint]))[0]
+        return replace(self, points=apply(matrix, self.points), normals=normals, viewpoint=place)
+
+
+def join_clouds(clouds: Sequence[PointCloud]) -> PointCloud:
+    """Join clouds: normals and colours if all have them, the viewpoint if it is the same."""
+    if not clouds:
+        return PointCloud(np.empty((0, 3)))
+    starts = np.cumsum([0, *map(len, clouds)])
+    faces = [
+        cloud.faces + start for cloud, start in zip(clouds, starts, strict=False) if cloud.faces is not None
+    ]
+    normals = [cloud.normals for cloud in clouds if cloud.normals is not None]
+    colors = [cloud.colors for cloud in clouds if cloud.colors is not None]
+    places = [cloud.viewpoint for cloud in clouds if cloud.viewpoint is not None]
+    is_one = len(places) == len(clouds) and (np.array(places) == places[0]).all()
+    return PointCloud(
+        np.concatenate([cloud.points for cloud in clouds]),
+        np.concatenate(normals) if len(normals) == len(clouds) else None,
+        np.concatenate(faces) if faces else None,
+        np.concatenate(colors) if len(colors) == len(clouds) else None,
+        viewpoint=places[0] if is_one else None,
+    )
+
+
+AnyCloud: TypeAlias = "PointCloud | ArrayLike | os.PathLike[str] | _Foreign"
+"""Points in any form: a cloud, that of another library, an array, a data frame, or the path of a file."""
+
+
+def find_cloud(name: str, cloud: object) -> PointCloud | None:
+    """Return a `PointCloud`, or one made of a cloud of another library; None for arrays."""
+    if isinstance(cloud, PointCloud):
+        return cloud
+    parts = cloud_parts(name, cloud)
+    if parts is None:
+        return None
+    normals = None if parts.normals is None else in_double(real_normals(f"{name}.normals", parts.normals))
+    faces = None if parts.faces is None else as_faces(f"{name}.faces", parts.faces)
+    points = as_points(name, parts.points)
+    return PointCloud(points, normals, faces, as_colors(parts.colors, len(points)), viewpoint=parts.viewpoint)
+
+
+def as_cloud(name: str, cloud: AnyCloud) -> PointCloud:
+    """Return a `PointCloud` of points in any form."""
+    if isinstance(cloud, PointCloud):
+        return cloud
+    return find_cloud(name, cloud) or PointCloud(as_points(name, cloud))
