@@ -4,9 +4,9 @@ from typing import TypeAlias, TypedDict, final
 import numpy as np
 from numpy.typing import NDArray
 
-from cgroup._checks.array_types import BoolArray, FloatArray, IndexArray, RealArray
-from cgroup._checks.fields import Fields
-from cgroup._checks.run_options import RunOptions
+from cgroup._checks.arrays import BoolArray, FloatArray, IndexArray, RealArray
+from cgroup._checks.values import RunOptions
+from cgroup.types.fields import Fields
 
 _DescriptorArray: TypeAlias = NDArray[np.float32]
 

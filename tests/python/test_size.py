@@ -44,7 +44,6 @@ LONG_FILES = {
     "registration/paper_front.py": _MOVES,
     "registration/prepare.py": _MOVES,
     "registration/register.py": _MOVES,
-    "types.py": "the values in results: matches, groups, clouds",
 }
 LONG_FUNCTIONS = {
     "cli/commands/compare.py:_compare_methods": "one call per step, in order",
@@ -68,7 +67,7 @@ MANY_PARAMETERS = {
     "registration/register.py:register": _OPTIONS,
     "registration/register.py:register_many": _OPTIONS,
     "scenes/register_all.py:register_all": _OPTIONS,
-    "types.py:__init__": "the fields of correspondences",
+    "types/fields.py:__init__": "the fields of correspondences",
 }
 """Exceptions, with their reasons."""
 

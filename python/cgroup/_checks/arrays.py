@@ -23,8 +23,7 @@ BoolArray: TypeAlias = NDArray[np.bool_]
 IndexArray: TypeAlias = NDArray[np.int64]
 
 
-_DEEPEST = 5
-"""Lists within lists, beyond which no shape is right anyway."""
+_DEEPEST = 5  # lists within lists, beyond which no shape is right anyway
 
 AS_THEY_ARE = (np.dtype(np.float32), np.dtype(np.float64))
 """Types of numbers that the compiled core reads without a conversion."""

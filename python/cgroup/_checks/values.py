@@ -23,8 +23,7 @@ _Kind = TypeVar("_Kind")
 
 LARGEST_COUNT = 2**64 - 1
 
-_LONGEST_WORD = 80
-"""Letters of a wrong word that are compared with the right ones."""
+_LONGEST_WORD = 80  # letters of a wrong word that are compared with the right ones
 
 
 def as_count(name: str, value: object, least: int, remedy: str | None = None) -> int:

@@ -6,8 +6,7 @@ import sqlite3
 from pathlib import Path
 from typing import NamedTuple
 
-_SECONDS_OF_OTHERS = 60
-"""For which another process may be at work on a file."""
+_SECONDS_OF_OTHERS = 60  # for which another process may be at work on a file
 
 
 class Layout(NamedTuple):

@@ -15,8 +15,7 @@ from cgroup.features._places import Places
 from cgroup.features.cloud import CloudLike, places_of, resolution_of
 from cgroup.types import IndexArray
 
-HARRIS_RADIUS = 2.7
-"""Default radius of Harris 3D in pr, as in the paper authors' pipeline."""
+HARRIS_RADIUS = 2.7  # default radius of Harris 3D in pr, as in the paper authors' pipeline
 
 ISS_RADII = (2.7, 1.8)
 """Default salient and non-maximum radius of ISS in pr, as in the paper authors' pipeline."""

@@ -13,8 +13,7 @@ from cgroup._checks.values import as_count, as_flag, as_number, run_options
 from cgroup.errors import InputError
 from cgroup.types import BoolArray, FloatArray, IndexArray, RealArray
 
-MOST_BYTES = 2**30
-"""What matches may take while they are computed; some sixteen million of them."""
+MOST_BYTES = 2**30  # what matches may take while they are computed; some sixteen million of them
 
 
 @dataclass(frozen=True, eq=False)

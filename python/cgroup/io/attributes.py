@@ -17,8 +17,7 @@ _KEPT = {
     *("diffuse_red", "diffuse_green", "diffuse_blue", "vp_x", "vp_y", "vp_z"),
 }
 _LAS = ("intensity", "returns", "classification", "scan angle", "user data", "point source")
-_WITHOUT_TIME, _WITH_NEAR_INFRARED, _WITH_WAVES = {0, 2}, {8, 10}, {4, 5, 9, 10}
-"""Point formats of LAS."""
+_WITHOUT_TIME, _WITH_NEAR_INFRARED, _WITH_WAVES = {0, 2}, {8, 10}, {4, 5, 9, 10}  # point formats of LAS
 
 
 _TEXTS = {".xyz": 3, ".asc": 3, ".txt": 3, ".csv": 3, ".xyzn": 6, ".xyzrgb": 6, ".pts": 3}

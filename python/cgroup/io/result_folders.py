@@ -19,8 +19,7 @@ from typing import Any, NamedTuple
 from cgroup.errors import InputError
 from cgroup.io.files import check_outputs, digest_of, is_input, listeners
 
-LIST = ".cgroup-files.jsonl"
-"""Name of the list; processes that write to one folder append to it side by side."""
+LIST = ".cgroup-files.jsonl"  # name of the list; processes that write to one folder append to it side by side
 
 _NO_FOLDER = "can't be made a folder for the results"
 

@@ -26,9 +26,7 @@ from cgroup.registration.prepare import LEAST_VOXELS, UNIT, Preparation, assembl
 from cgroup.registration.scan import Scan, as_scan, as_surface, without_strays
 from cgroup.types import AnyCloud, FloatArray, IndexArray, PointCloud, RealArray
 
-CELL = 8.0
-"""Edge length of the cells of a map, in voxels."""
-
+CELL = 8.0  # edge length of the cells of a map, in voxels
 _STEP = 2**0.5  # from the voxel of one level to the next
 _SPACINGS = 4.0  # of the map's points in the finest voxel
 _COARSEST = 2000  # voxels of a map from which no coarser level is made

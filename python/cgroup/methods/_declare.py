@@ -97,11 +97,8 @@ class MethodInfo:
     options: Mapping[str, MethodOption]
 
 
-DESCRIBED = dict(_core.describe_methods())
-"""Fields, optional fields and options of each method."""
-
-DECLARED: dict[str, MethodInfo] = {}
-"""Methods by their public names."""
+DESCRIBED = dict(_core.describe_methods())  # fields, optional fields and options of each method
+DECLARED: dict[str, MethodInfo] = {}  # methods by their public names
 
 _POINTS = ("AnyCloud", "(n,3) array_like of float", "Matched points.")
 _FRAMES = (
@@ -234,8 +231,7 @@ def method(
     return make
 
 
-_Described = tuple[Parameter, str, str]
-"""A parameter, its type in words, and its meaning."""
+_Described = tuple[Parameter, str, str]  # a parameter, its type in words, and its meaning
 
 
 def _fields(fields: list[str], optional: list[str], notes: Mapping[str, str]) -> Iterator[_Described]:

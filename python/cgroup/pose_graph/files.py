@@ -24,14 +24,9 @@ _PLACE[_UPPER] = _PLACE.T[_UPPER] = np.arange(21)
 _SWAPPED = (slice(None), *np.ix_([3, 4, 5, 0, 1, 2], [3, 4, 5, 0, 1, 2]))
 """Files of g2o and Open3D have the translation first."""
 
-_SKEWED = 1e-6
-"""Difference from the transpose that rounding may cause, of matrices with a diagonal of ones."""
-
-_ROUNDING = 1e-4
-"""Negative eigenvalues that rounding to few digits may cause, of the same."""
-
-_LEAST = 1e-9
-"""What such eigenvalues are raised to: too little to change a pose."""
+_SKEWED = 1e-6  # difference from the transpose that rounding may cause, of matrices with a diagonal of ones
+_ROUNDING = 1e-4  # negative eigenvalues that rounding to few digits may cause, of the same
+_LEAST = 1e-9  # what such eigenvalues are raised to: too little to change a pose
 
 _MOST_NAMED = 10
 

@@ -25,17 +25,13 @@ CONVENTIONS: tuple[Convention, ...] = ("gtsam", "g2o", "ros")
 INDEPENDENT, ALIKE = 1500.0, 2.5
 """Largest number of independent residuals; number of neighbours with equal errors if there are few."""
 
-LEAST_DEVIATION = 0.01
-"""Least standard deviation of the residuals, in voxels."""
+LEAST_DEVIATION = 0.01  # least standard deviation of the residuals, in voxels
 
 DISPLACED, SAMPLES = 1.0, 300
 """Displacement of the pose in voxels, and samples of either surface that then pull it back."""
 
-LEFT = 0.1
-"""Weight of the remainder of each displacement."""
-
-NOT_PULLED_BACK = 0.5
-"""Remaining share of a displacement from which a motion is open."""
+LEFT = 0.1  # weight of the remainder of each displacement
+NOT_PULLED_BACK = 0.5  # remaining share of a displacement from which a motion is open
 
 ROUNDS, MORE_SAMPLES = 3, 1000
 """Refinements and samples of either surface that pull back a pose displaced along a weak motion."""

@@ -22,38 +22,20 @@ from cgroup.types import Agreement, BoolArray, Correspondences, FloatArray, Grou
 from cgroup.verification import Alignment
 from cgroup.verification.schedule import DIFFERENT_DEGREES, DIFFERENT_UNITS
 
-ACCEPTED = 0.5
-"""Probability from which a pose is accepted."""
-
-SURE = 0.9
-"""Probability from which the search ends."""
-
-GROUP_WITHIN = 2.0
-"""Residual in voxels within which a match belongs to the verified group."""
-
-MOST_OPEN_MOTIONS = 1
-"""Largest number of open motions: along a corridor a pose is still useful."""
-
-MOST_MATCHES = 20
-"""Number of matches beyond which more add no evidence."""
-
-LEAST_NOISE = 0.02
-"""Least deviation of a surface's points from its planes, in voxels."""
-
-CROSSED_BY_CHANCE = 0.02
-"""Share in free space that noise and coarse rings explain."""
+ACCEPTED = 0.5  # probability from which a pose is accepted
+SURE = 0.9  # probability from which the search ends
+GROUP_WITHIN = 2.0  # residual in voxels within which a match belongs to the verified group
+MOST_OPEN_MOTIONS = 1  # largest number of open motions: along a corridor a pose is still useful
+MOST_MATCHES = 20  # number of matches beyond which more add no evidence
+LEAST_NOISE = 0.02  # least deviation of a surface's points from its planes, in voxels
+CROSSED_BY_CHANCE = 0.02  # share in free space that noise and coarse rings explain
 
 PLANES_BY_CHANCE, MOST_FURTHER_PLANES = 4, 3
 """Number of planes that wrong poses align too, and largest number of further ones that count."""
 
-LEAD_BY_CHANCE = 1.0
-"""Nats by which the best of equal poses leads."""
-
-MOST_REPEATS = 0.01
-"""Share of repeated points from which a note is added."""
-
-AS_GOOD = 0.3
-"""Share of the best pose's probability from which another one counts as an alternative."""
+LEAD_BY_CHANCE = 1.0  # nats by which the best of equal poses leads
+MOST_REPEATS = 0.01  # share of repeated points from which a note is added
+AS_GOOD = 0.3  # share of the best pose's probability from which another one counts as an alternative
 
 _LEAST_SCORE = 1e-3
 _NOTHING_PAIRED = 100.0

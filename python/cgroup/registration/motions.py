@@ -12,8 +12,7 @@ from cgroup.types import FloatArray
 OPEN = 0.01
 """Share of the resistance of all pairs up to which a motion may be open, as for `Alignment.open_motion`."""
 
-_SLIGHT = 0.1
-"""Part of a motion that is left out of its description, beside the other part."""
+_SLIGHT = 0.1  # part of a motion that is left out of its description, beside the other part
 
 
 def say_motion(vector: FloatArray, points: FloatArray) -> str:

@@ -17,12 +17,8 @@ from cgroup.rigid.se3 import motion
 from cgroup.types import BoolArray, FloatArray
 from cgroup.verification import Surface, verify
 
-ANGLE, RADIUS = 15.0, 0.2
-"""Default error of a rough pose: degrees, and share of the source's diagonal."""
-
-MOST_TURNED = 60.0
-"""Angle in degrees beyond which a global search is faster."""
-
+ANGLE, RADIUS = 15.0, 0.2  # default error of a rough pose: degrees, and share of the source's diagonal
+MOST_TURNED = 60.0  # angle in degrees beyond which a global search is faster
 _COARSER, _OF_RADIUS = 3.0, 0.14  # coarse voxels, in voxels; at least that share of the radius
 _OF_CLOUD = 0.16  # coarse voxels at most, of the smaller diagonal
 _STEP, _TURN = 2.7, 15.0  # between starts: coarse voxels, degrees

@@ -27,8 +27,7 @@ Descriptor: TypeAlias = Literal["shot", "lfsh", "rcs", "fpfh"]
 DETECTORS: tuple[Detector, ...] = ("h3d", "iss")
 DESCRIPTORS: tuple[Descriptor, ...] = ("shot", "lfsh", "rcs", "fpfh")
 
-MIN_SUPPORT_POINTS = 10
-"""Points within the support of a keypoint, below which it is dropped."""
+MIN_SUPPORT_POINTS = 10  # points within the support of a keypoint, below which it is dropped
 
 MAX_RESOLUTION_RATIO = 20.0
 """Clouds that differ more than this are taken to be in different units; descriptors would be useless."""

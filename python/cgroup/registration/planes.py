@@ -12,9 +12,7 @@ from cgroup.rigid import apply
 from cgroup.rigid.transforms import cross_products
 from cgroup.types import FloatArray, IndexArray
 
-MOST_PLANES = 12
-"""Largest number of planes of a scan."""
-
+MOST_PLANES = 12  # largest number of planes of a scan
 _HYPOTHESES, _TRIED, _SAMPLES = 100, 40, 1000  # triples of points; places tried for each; points that vote
 _REACH, _THICK, _LEAST, _LEAST_SHARE = 20.0, 0.3, 40, 0.008  # voxels; voxels; points; share of the points
 _ALIKE, _SAME, _OFFSET, _BESIDE, _SHARED = np.cos(np.radians(4)), np.cos(np.radians(8)), 0.8, 5.0, 0.1

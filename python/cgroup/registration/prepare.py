@@ -37,23 +37,15 @@ from cgroup.types import AnyCloud, FloatArray, IndexArray
 from cgroup.verification import FineSurface, Surface
 from cgroup.verification.alignment import sample_points
 
-UNIT = 0.4
-"""Unit of the surfaces and of the matches, in voxels."""
-
-VOXELS = 5000
-"""Voxels that a cloud is thinned to, about."""
-
-LEAST_VOXELS = 100
-"""Voxels below which unrelated clouds lie on each other too well by chance."""
-
-MOST_VOXELS = 100_000
-"""Voxels beyond which matching each with all others takes more than some 20 seconds."""
+UNIT = 0.4  # unit of the surfaces and of the matches, in voxels
+VOXELS = 5000  # voxels that a cloud is thinned to, about
+LEAST_VOXELS = 100  # voxels below which unrelated clouds lie on each other too well by chance
+MOST_VOXELS = 100_000  # voxels beyond which matching each with all others takes more than some 20 seconds
 
 LEAST_PLANES, LEAST_PLANAR_VOXELS = 0.1, 10
 """Share and number of the voxels that have a normal, below which they are too far apart."""
 
-FEW_VOXELS = 20
-"""Voxels below which a cloud is no surface."""
+FEW_VOXELS = 20  # voxels below which a cloud is no surface
 
 _SPARSE, _USUAL_PLANES, _COARSER, _LEAST_ACROSS = 2000, 0.9, 2**0.25, 5.0
 """Points below which a voxel chosen by number may be too small. It grows in such steps until a share of the

@@ -35,8 +35,7 @@ from cgroup.verification import verify
 
 FRONTS = ("dense", "paper")
 
-MOVED_BY_REFINING = 0.4
-"""Displacement by refining, in voxels, at which half of a pose's probability is left."""
+MOVED_BY_REFINING = 0.4  # displacement by refining, in voxels, at which half of a pose's probability is left
 
 
 @report_refused_memory()

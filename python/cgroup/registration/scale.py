@@ -39,8 +39,7 @@ from cgroup.registration.similarity import Similarity, fit_similarity
 from cgroup.rigid.transforms import scaling
 from cgroup.types import FloatArray
 
-WITHIN = 3.0
-"""Factor around the ratio of the clouds' sizes within which the scale is searched."""
+WITHIN = 3.0  # factor around the ratio of the clouds' sizes within which the scale is searched
 
 VOXELS, SIZES, STEP = 2500, 4, 2**0.5
 """Number of voxels at the finest size of description, number of sizes, and their ratio."""
@@ -54,8 +53,7 @@ GRID, AROUND = 2 ** (1 / 16), 4
 CANDIDATES, AS_LIKELY = 2, 0.7
 """Number of scales with a search, and their least consensus as a share of the greatest."""
 
-UNCERTAIN = 0.01
-"""Deviation of the scale from which a note is added."""
+UNCERTAIN = 0.01  # deviation of the scale from which a note is added
 
 _POWER_STEPS = 8
 

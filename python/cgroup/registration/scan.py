@@ -33,17 +33,13 @@ NORMALS: tuple[Normals, ...] = ("pca", "mesh", "given")
 
 NEEDED_FOR = {"mesh": "faces", "given": "normals"}
 
-NORMAL_NEIGHBORS = 20
-"""Neighbours of a plane that is fitted to a whole cloud."""
+NORMAL_NEIGHBORS = 20  # neighbours of a plane that is fitted to a whole cloud
 
 MAX_SIZE_RATIO = 100.0
 """Clouds that differ more than this are taken to be in different units; no voxel suits both."""
 
-MAX_RANGE = 1000.0
-"""Distance of the viewpoint in diagonals of the cloud, beyond which it can't be meant."""
-
-FAR_AWAY = 50.0
-"""Distance of a viewpoint of which the direction is known alone, in diagonals of the cloud."""
+MAX_RANGE = 1000.0  # distance of the viewpoint in diagonals of the cloud, beyond which it can't be meant
+FAR_AWAY = 50.0  # distance of a viewpoint of which the direction is known alone, in diagonals of the cloud
 
 MOST_ROUNDED = 0.1
 """Spacing of single precision, as a share of that of the points, beyond which their digits are lost."""
@@ -52,9 +48,7 @@ MOST_LAYERED, LEAST_DISTANCE = 0.015, 0.045
 """Share of directions with several depths that edges explain, and how near (of the cloud's diagonal) surfaces
 begin around a scanner that they surround: its rings and plants explain more."""
 
-MOST_STRAYS = 0.05
-"""Share of a cloud's points beyond which points far from the others are no strays."""
-
+MOST_STRAYS = 0.05  # share of a cloud's points beyond which points far from the others are no strays
 _LEAST_ROUNDED = 1e-6  # of the cloud's diagonal
 _FAR, _ROOM, _ALONE = 3.0, 0.5, 4
 _ENOUGH = 20_000  # points that tell the size of a cloud

@@ -17,8 +17,7 @@ from cgroup.rigid.se3 import motion
 from cgroup.rigid.transforms import cross_products, scaling, split_scale
 from cgroup.types import FloatArray
 
-BEND = 6.0
-"""Edge of the cells whose mean residuals show bends, in voxels."""
+BEND = 6.0  # edge of the cells whose mean residuals show bends, in voxels
 
 DRIFT, CLEARLY, NOTED, SOME = 0.01, 3.0, 0.8, 3
 """Deviation of the scale of right poses; deviations at which half of a probability is left, and the share of

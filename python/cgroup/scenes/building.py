@@ -24,12 +24,8 @@ from cgroup.scenes.scene import Edge, Scene
 from cgroup.scenes.workers import CallEach
 from cgroup.types import FloatArray
 
-ALL_PAIRS = 20
-"""Largest number of scans of which every pair is tried."""
-
-PARTNERS, BUDGET = 6, 8
-"""First partners of each scan, and largest number of pairs per scan."""
-
+ALL_PAIRS = 20  # largest number of scans of which every pair is tried
+PARTNERS, BUDGET = 6, 8  # first partners of each scan, and largest number of pairs per scan
 _MORE = 2  # partners of each scan that are tried in each further round
 _JOINS, _UNIONS = 3, 3  # rounds of joining components, and of refining each scan on the others
 _TURN, _SHIFT = np.radians(3.0), 2.0  # deviations of odometry: radians, voxels

@@ -16,9 +16,7 @@ from cgroup.scenes.agreement import SHIFT, TURN, squared_errors, weigh_by_triang
 from cgroup.scenes.links import Link
 from cgroup.types import BoolArray, FloatArray, IndexArray
 
-FIRM = 0.9
-"""Least joint probability of the links between two parts that connects them."""
-
+FIRM = 0.9  # least joint probability of the links between two parts that connects them
 _LARGEST_CHANCE = 1 - 1e-6  # above, an edge would be trusted against all others
 _MOST_NATS = 10.0  # evidence of other links
 

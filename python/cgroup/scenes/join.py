@@ -20,8 +20,7 @@ from cgroup.scenes.kept_links import Task
 from cgroup.scenes.links import Link, link
 from cgroup.types import FloatArray, PointCloud
 
-IN_A_UNION = 8
-"""Number of scans in a union around one scan."""
+IN_A_UNION = 8  # number of scans in a union around one scan
 
 _LEAST_CHANCE = 0.005
 _NEAR, _ALIKE = 3.0, np.radians(5)  # voxels and angle within which two poses agree

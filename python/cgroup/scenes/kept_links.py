@@ -25,8 +25,7 @@ from cgroup.registration import PreparedScan
 from cgroup.scenes.links import Link
 
 _TABLE = "create table links (key blob primary key, link text, digest blob) without rowid"
-_LAYOUT = Layout(0x63676C6B, 2, _TABLE)
-"""Its `application_id` is "cglk"."""
+_LAYOUT = Layout(0x63676C6B, 2, _TABLE)  # its `application_id` is "cglk"
 
 Task: TypeAlias = tuple[tuple[int, ...], tuple[Any, ...]]
 """Rows of the scans for a function, and its further arguments."""

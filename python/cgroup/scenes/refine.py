@@ -21,9 +21,7 @@ from cgroup.scenes.workers import CallEach
 from cgroup.types import FloatArray
 from cgroup.verification import FineSurface, align
 
-PARTNERS = 6
-"""Largest number of partners of each scan, by overlap."""
-
+PARTNERS = 6  # largest number of partners of each scan, by overlap
 _CELL = 3.0  # voxels within which two scans overlap
 _HELD = 1e-4  # share of the weight of all pairs that holds open motions
 _LEAST_SHARED, _LEAST_FITNESS = 0.15, 0.1

@@ -34,12 +34,10 @@ from cgroup.types.point_cloud import as_cloud
 _FIRST_COLORS = bytes.fromhex("E69F00 0072B2 009E73 CC79A7 56B4E9 D55E00 B8AC1B 7A5195")
 """Colours that are distinct for every common kind of colour vision."""
 
-_GOLDEN = 0.618
-"""Turn between the hues of consecutive scans, which keeps them apart."""
+_GOLDEN = 0.618  # turn between the hues of consecutive scans, which keeps them apart
 
 POSE_FORMATS = (".tum", ".kitti", ".log")
-WITHOUT_NAMES = (".kitti", ".log")
-"""Formats without comments: many readers expect numbers in each line."""
+WITHOUT_NAMES = (".kitti", ".log")  # formats without comments: many readers expect numbers in each line
 
 
 def scan_colors(count: int) -> NDArray[np.uint8]:

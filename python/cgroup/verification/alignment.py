@@ -13,8 +13,7 @@ from cgroup.features.cloud import CloudLike, core_cloud
 from cgroup.rigid import check_rigid
 from cgroup.types import FloatArray
 
-SAMPLES = 3000
-"""Samples of a fine surface."""
+SAMPLES = 3000  # samples of a fine surface
 
 
 class FineSurface:

@@ -17,8 +17,7 @@ from cgroup.verification.surface import Surface, core_surfaces
 DIFFERENT_DEGREES, DIFFERENT_UNITS = _core.DIFFERENT_POSES
 """Angle, or displacement of the source's centre in units, beyond which two poses differ."""
 
-MATCH_UNITS = 2.5
-"""Distance within which a match supports a pose, in units: a voxel."""
+MATCH_UNITS = 2.5  # distance within which a match supports a pose, in units: a voxel
 
 
 @dataclass(frozen=True, eq=False)
