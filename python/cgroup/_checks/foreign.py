@@ -65,9 +65,7 @@ def as_host_array(name: str, value: Any) -> Any:  # noqa: ANN401 - whatever is p
     device = str(getattr(value, "device", "cpu"))
     if "cpu" not in device.casefold():
         raise InputError(
-            name,
-            f"a {type(value).__name__} on {device}",
-            "copy it to the computer's memory: .cpu()",
+            name, f"a {type(value).__name__} on {device}", "copy it to the computer's memory: .cpu()"
         )
     for step in ("detach", "resolve_conj", "resolve_neg"):
         value = getattr(value, step, lambda same=value: same)()

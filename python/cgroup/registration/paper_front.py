@@ -179,9 +179,7 @@ def correspond_by(
     pr = common_resolution(*scans, threads) if given is None else scans[0].unit(given, threads)
     if not any(scan.has(normals) for scan in scans):
         raise InputError(
-            "normals",
-            f"{normals!r}, but neither cloud has {NEEDED_FOR[normals]}",
-            "choose 'pca'",
+            "normals", f"{normals!r}, but neither cloud has {NEEDED_FOR[normals]}", "choose 'pca'"
         )
     described: list[DescribedCloud] = []
     for scan, viewpoint in zip(scans, viewpoints, strict=True):
@@ -361,15 +359,12 @@ def _times(pr: float, *radii: float | None) -> list[float | None]:
 def _find_normals(scan: Scan, normals: Normals, viewpoint: ArrayLike, threads: int | None) -> FloatArray:
     if not scan.has(normals):
         raise InputError(
-            "normals",
-            f"{normals!r}, but the cloud has no {NEEDED_FOR[normals]}",
-            "choose 'pca'",
+            "normals", f"{normals!r}, but the cloud has no {NEEDED_FOR[normals]}", "choose 'pca'"
         )
     if normals == "given" and scan.normals is not None:
         if not (np.isfinite(scan.normals).all(axis=1) & scan.normals.any(axis=1)).any():
             raise InputError(
-                "normals",
-                remedy=f"all of those that came with the {scan.name} are zero or NaN; choose 'pca'",
+                "normals", remedy=f"all of those that came with the {scan.name} are zero or NaN; choose 'pca'"
             )
         return scan.normals
     if normals == "mesh" and scan.faces is not None:

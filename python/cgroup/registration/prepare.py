@@ -525,8 +525,7 @@ def _shared_voxel(prepared: Sequence[PreparedScan], voxel: float | None) -> floa
     sizes = " and ".join(dict.fromkeys(f"{scan.voxel:.4g}" for scan in prepared))
     asked = "" if voxel is None else f", voxel={voxel}"
     raise InputError(
-        "scans",
-        remedy=f"prepared with voxels of {sizes}{asked}; prepare them with the same voxel and front",
+        "scans", remedy=f"prepared with voxels of {sizes}{asked}; prepare them with the same voxel and front"
     )
 
 

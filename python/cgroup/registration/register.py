@@ -518,8 +518,6 @@ def as_viewpoints(
     places = as_items("viewpoints", viewpoints, "give one per scan, or None for it")
     if len(places) != scans:
         raise InputError(
-            "viewpoints",
-            f"{len(places)} for {scans} scans",
-            "give one per scan, or None for it",
+            "viewpoints", f"{len(places)} for {scans} scans", "give one per scan, or None for it"
         )
     return places

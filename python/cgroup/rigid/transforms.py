@@ -144,9 +144,7 @@ def _matrix(name: str, transform: ArrayLike) -> FloatArray:
         return np.concatenate([matrix, [[0.0, 0.0, 0.0, 1.0]]])
     if matrix.shape != (4, 4):
         raise InputError(
-            name,
-            f"shape {matrix.shape}",
-            "a rigid transform is a 4x4 matrix, or its first 3 rows",
+            name, f"shape {matrix.shape}", "a rigid transform is a 4x4 matrix, or its first 3 rows"
         )
     return matrix
 

@@ -67,9 +67,7 @@ def _partners(name: str, target: object, rows: int) -> RealArray:
     points = real_points(name, target)
     if len(points) != rows:
         raise InputError(
-            name,
-            f"{len(points)} rows, but source has {rows}",
-            "row i of one matches row i of the other",
+            name, f"{len(points)} rows, but source has {rows}", "row i of one matches row i of the other"
         )
     return points
 

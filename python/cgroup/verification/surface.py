@@ -65,9 +65,7 @@ class Surface:
         rows, directions = real_points("points", points), real_normals("normals", normals)
         if len(rows) != len(directions):
             raise InputError(
-                "normals",
-                f"{len(directions)} for {len(rows)} points",
-                "give one per point, NaN for none",
+                "normals", f"{len(directions)} for {len(rows)} points", "give one per point, NaN for none"
             )
         self._unit = as_number("unit", unit)
         eye = None if viewpoint is None else as_place("viewpoint", viewpoint)

@@ -182,8 +182,7 @@ def _as_model(name: str, model: PreparedScan | Cloud | AnyCloud, *, by_frames: b
     if isinstance(model, PreparedScan):
         if model.by_frames and not by_frames:
             raise InputError(
-                label,
-                remedy="prepared without its outside; prepare it with normals='mesh' or 'given'",
+                label, remedy="prepared without its outside; prepare it with normals='mesh' or 'given'"
             )
         return as_given(label, model)
     model = as_point_cloud(label, model)
