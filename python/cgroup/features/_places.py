@@ -20,21 +20,12 @@ _HASH = np.uint64(0x9E3779B97F4A7C15), np.uint64(29)
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """One point for each place of a cloud, and the way back to the points as given.
+    """One point for each place of a cloud, and the way back to the points as given."""
 
-    Attributes
-    ----------
-    core : Cloud of the compiled core
-        Of the first point of each place, in the order of the cloud.
-    first : (M,) array of int64 or None
-        Row of each of them in the cloud; None where no two points coincide.
-    rows : (N,) array of int64 or None
-        Place of each point of the cloud; None where no two coincide.
-    """
-
-    core: _core.Cloud
+    core: _core.Cloud  # of the first point of each place, in the order of the cloud
+    # (M,), row of each of them in the cloud; None where no two points coincide
     first: IndexArray | None = None
-    rows: IndexArray | None = None
+    rows: IndexArray | None = None  # (N,), place of each point of the cloud; None where no two coincide
 
     def keypoints(self, rows: IndexArray) -> IndexArray:
         """Return the places of rows of the cloud."""

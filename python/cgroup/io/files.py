@@ -66,18 +66,11 @@ listeners: list[Callable[[Path, bytes], object]] = []
 
 @dataclass
 class _Run:
-    """What a command, or a process that runs none, has read and written.
+    """What a command, or a process that runs none, has read and written."""
 
-    Attributes
-    ----------
-    read : dict of (int, int) to (str, str)
-        Path and SHA-256 of each file that was read, by its device and number.
-    swept : set of path
-        Folders where no process has left a part of a file.
-    """
-
+    # path and SHA-256 of each file that was read, by its device and number
     read: dict[tuple[int, int], tuple[str, str]] = field(default_factory=dict)
-    swept: set[Path] = field(default_factory=set)
+    swept: set[Path] = field(default_factory=set)  # folders where no process has left a part of a file
 
 
 _run = _Run()

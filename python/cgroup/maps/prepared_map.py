@@ -48,32 +48,16 @@ class Mergeable(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Level:
-    """A map at one voxel. Rows of voxels and points are ordered by their cell.
+    """A map at one voxel. Rows of voxels and points are ordered by their cell."""
 
-    Attributes
-    ----------
-    voxel : float
-        Edge length of the voxels.
-    points : (N,3) array of float64
-        The map, a point in each third of a voxel.
-    voxels, normals, frames : (M,3), (M,3), (M,3,3) array of float64
-        Of the voxels; normals to the side of the frames' z axis.
-    descriptors : (M,34) array of float32
-        FPFH, and its squared length.
-    cells : (C,3) array of float64
-        Middles of the cells that are not empty.
-    voxel_ends, point_ends : (C,) array of int64
-        Rows where those of each cell end.
-    """
-
-    voxel: float
-    points: FloatArray
-    voxels: FloatArray
-    normals: FloatArray
-    frames: FloatArray
-    descriptors: NDArray[np.float32]
-    cells: FloatArray
-    voxel_ends: IndexArray
+    voxel: float  # edge length of the voxels
+    points: FloatArray  # (N,3), the map, a point in each third of a voxel
+    voxels: FloatArray  # (M,3), of the voxels; normals to the side of the frames' z axis
+    normals: FloatArray  # (M,3)
+    frames: FloatArray  # (M,3,3)
+    descriptors: NDArray[np.float32]  # (M,34), FPFH, and its squared length
+    cells: FloatArray  # (C,3), middles of the cells that are not empty
+    voxel_ends: IndexArray  # (C,), rows where those of each cell end
     point_ends: IndexArray
     _plans: dict[tuple[float, ...] | None, PlanView | None] = field(default_factory=dict, init=False)
     _neighbors: dict[float, IndexArray] = field(default_factory=dict, init=False)

@@ -22,20 +22,11 @@ _ON = 0.75  # largest distance of a sample's plane from the other surface, in sp
 
 
 class Evidence(NamedTuple):
-    """Evidence for a pose, in both directions.
+    """Evidence for a pose, in both directions."""
 
-    Attributes
-    ----------
-    cells : float
-        Cells off all planes in which most of one fine surface agrees with the other.
-    planes : int
-        Independent planes that the pose aligns with planes.
-    crossed : float
-        Share of the points seen in both scans that violate the other's free space; NaN without viewpoints.
-    """
-
-    cells: float
-    planes: int
+    cells: float  # cells off all planes in which most of one fine surface agrees with the other
+    planes: int  # independent planes that the pose aligns with planes
+    # share of the points seen in both scans that violate the other's free space; NaN without viewpoints
     crossed: float
 
 

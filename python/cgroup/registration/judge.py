@@ -45,44 +45,20 @@ _SIZES_DIFFER = 1.5
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """The best pose of a search, and the evidence for it.
+    """The best pose of a search, and the evidence for it."""
 
-    Attributes
-    ----------
-    refined : Alignment
-        The best pose, refined on the fine surfaces.
-    alternatives : (k,4,4) array of float64
-        Other poses that share the probability.
-    probability : float
-        That it is right.
-    fitness, target_fitness : float
-        Shares of the source's and of the target's surface that overlap the other.
-    matches : Correspondences
-        Every match of the search.
-    source, target : PreparedScan
-        The scans, at the voxel of the search.
-    motions : int
-        Number of open motions.
-    cases : tuple of Case
-        Evidence for the pose, and for its rivals.
-    places : (c,4,4) array of float64
-        The poses of these.
-    better_scale : float
-        Scale of the source that fits clearly better than 1, or 1.
-    """
-
-    refined: Alignment
-    alternatives: FloatArray
-    probability: float
-    fitness: float
-    matches: Correspondences
-    source: PreparedScan
+    refined: Alignment  # the best pose, refined on the fine surfaces
+    alternatives: FloatArray  # (k,4,4), other poses that share the probability
+    probability: float  # that it is right
+    fitness: float  # shares of the source's and of the target's surface that overlap the other
+    matches: Correspondences  # every match of the search
+    source: PreparedScan  # the scans, at the voxel of the search
     target: PreparedScan
-    motions: int = 0
-    cases: tuple[Case, ...] = ()
+    motions: int = 0  # number of open motions
+    cases: tuple[Case, ...] = ()  # evidence for the pose, and for its rivals
     target_fitness: float = 0.0
-    places: FloatArray = field(default_factory=lambda: np.empty((0, 4, 4)))
-    better_scale: float = 1.0
+    places: FloatArray = field(default_factory=lambda: np.empty((0, 4, 4)))  # (c,4,4), the poses of these
+    better_scale: float = 1.0  # scale of the source that fits clearly better than 1, or 1
 
     def turned(self) -> Found:
         """Swap source and target."""

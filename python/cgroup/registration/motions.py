@@ -39,28 +39,15 @@ def say_direction(vector: FloatArray) -> str:
 
 
 class Resistance(NamedTuple):
-    """Resistance of the surfaces to motions about their middle.
+    """Resistance of the surfaces to motions about their middle."""
 
-    Attributes
-    ----------
-    values : (6,) array of float64
-        Of each motion, the least first, as a share of the resistance of all pairs.
-    motions : (6,6) array of float64
-        One per row: a rotation vector and the translation of the middle, of a size that moves the points by
-        about one unit.
-    middle : (3,) array of float64
-        Median of the points.
-    scale : (6,) array of float64
-        Rotations by the inverse of the points' median distance from the middle.
-    weight : float
-        Sum of the pairs' weights.
-    """
-
-    values: FloatArray
+    values: FloatArray  # (6,), of each motion, the least first, as a share of the resistance of all pairs
+    # (6,6), one per row: a rotation vector and the translation of the middle, of a size that moves the
+    # points by about one unit
     motions: FloatArray
-    middle: FloatArray
-    scale: FloatArray
-    weight: float
+    middle: FloatArray  # (3,), median of the points
+    scale: FloatArray  # (6,), rotations by the inverse of the points' median distance from the middle
+    weight: float  # sum of the pairs' weights
 
 
 def resistance(information: FloatArray, points: FloatArray) -> Resistance:

@@ -41,21 +41,11 @@ def as_nearby(initial: ArrayLike | None, radius: float | None, angle: float | No
 
 
 class Nearby(NamedTuple):
-    """A rough pose, and its largest error.
+    """A rough pose, and its largest error."""
 
-    Attributes
-    ----------
-    pose : (4,4) array of float64
-        Pose of the source in the target's frame.
-    angle : float
-        Error of its rotation, in degrees.
-    radius : float
-        Error at the middle of the source; 0 for the default until `around`.
-    """
-
-    pose: FloatArray
-    angle: float
-    radius: float
+    pose: FloatArray  # (4,4), pose of the source in the target's frame
+    angle: float  # error of its rotation, in degrees
+    radius: float  # error at the middle of the source; 0 for the default until `around`
 
     def around(self, source: PreparedScan) -> Nearby:
         """Return it with the default radius of a source, unless one was given."""

@@ -94,43 +94,21 @@ def usable_normals(normals: Normals, *clouds: PointCloud) -> Normals:
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """A checked cloud, with the normals and faces of its file.
+    """A checked cloud, with the normals and faces of its file."""
 
-    Attributes
-    ----------
-    cloud : Cloud
-        More than 20 points, all finite.
-    normals : (N,3) array of float64 or None
-        As stored with the points.
-    faces : (F,3) array of int or None
-        Triangles as rows of the points.
-    name : str
-        Name in error messages.
-    given : (n,3) array of float32 or float64
-        The points before strays were removed and gaps were filled in.
-    strays : int
-        Number of removed outliers.
-    rows : (M,) array of int64 or None
-        First row of each distinct point among the `given`; None if no two coincide.
-    mesh : PointCloud or None
-        The sampled mesh.
-    rounding : float
-        Spacing of single precision at points far from the origin, if the coordinates are such numbers and the
-        spacing is close to that of the points; else 0.
-    stored_viewpoint : (3,) list of float or None
-        Position of the scanner from the file, if it is plausible.
-    """
-
-    cloud: Cloud
-    normals: FloatArray | None
-    faces: IndexArray | None
-    name: str
-    given: RealArray
-    strays: int = 0
+    cloud: Cloud  # more than 20 points, all finite
+    normals: FloatArray | None  # (N,3), as stored with the points
+    faces: IndexArray | None  # (F,3), triangles as rows of the points
+    name: str  # name in error messages
+    given: RealArray  # (n,3), the points before strays were removed and gaps were filled in
+    strays: int = 0  # number of removed outliers
+    # (M,), first row of each distinct point among the `given`; None if no two coincide
     rows: IndexArray | None = None
-    mesh: PointCloud | None = None
+    mesh: PointCloud | None = None  # the sampled mesh
+    # spacing of single precision at points far from the origin, if the coordinates are such numbers and
+    # the spacing is close to that of the points; else 0
     rounding: float = 0.0
-    stored_viewpoint: list[float] | None = None
+    stored_viewpoint: list[float] | None = None  # position of the scanner from the file, if it is plausible
 
     @cached_property
     def centroid(self) -> FloatArray:

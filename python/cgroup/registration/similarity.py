@@ -29,24 +29,13 @@ _CUT, _PER_MEDIAN, _LEAST_DEVIATION, _DAMPING = 4.685, 1.4826, 1e-3, 1e-6  # as 
 
 
 class Similarity(NamedTuple):
-    """A rigid pose of the source times a scale.
+    """A rigid pose of the source times a scale."""
 
-    Attributes
-    ----------
-    scale : float
-        Of the source as it was given: near 1.
-    pose : (4,4) array of float64
-        Of the scaled source.
-    resistance : float
-        How much the surfaces resist scaling while all motions are free, as a share of that of all pairs.
-    deviation : float
-        Standard deviation of the scale, as a share of it.
-    """
-
-    scale: float
-    pose: FloatArray
+    scale: float  # of the source as it was given: near 1
+    pose: FloatArray  # (4,4), of the scaled source
+    # how much the surfaces resist scaling while all motions are free, as a share of that of all pairs
     resistance: float
-    deviation: float
+    deviation: float  # standard deviation of the scale, as a share of it
 
 
 def compare_scales(found: Found | None) -> Found | None:

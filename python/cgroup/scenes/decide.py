@@ -23,21 +23,11 @@ _MOST_NATS = 10.0  # evidence of other links
 
 @dataclass(frozen=True, eq=False)
 class Decision:
-    """Poses of scans in the frames of their components, and the selected links.
+    """Poses of scans in the frames of their components, and the selected links."""
 
-    Attributes
-    ----------
-    poses : (N,4,4) array of float64
-        Scan to component.
-    labels : (N,) array of int
-        Component of each scan, the least row in it.
-    kept : dict of (int, int) to float
-        Probability of each selected link, by (source, target).
-    """
-
-    poses: FloatArray
-    labels: IndexArray
-    kept: dict[tuple[int, int], float]
+    poses: FloatArray  # (N,4,4), scan to component
+    labels: IndexArray  # (N,), component of each scan, the least row in it
+    kept: dict[tuple[int, int], float]  # probability of each selected link, by (source, target)
 
     @property
     def components(self) -> list[list[int]]:

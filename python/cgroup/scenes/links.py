@@ -18,24 +18,12 @@ from cgroup.types import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class Link:
-    """Poses of one scan on another, the best first, with their probabilities.
+    """Poses of one scan on another, the best first, with their probabilities."""
 
-    Attributes
-    ----------
-    poses : (k,4,4) array of float64
-        Poses of the source in the target's frame: the best, then its rivals.
-    chances : (k,) array of float64
-        Probability that each is right.
-    covariance : (6,6) array of float64
-        Of the best one, as `Registration.covariance`; NaN if it was not computed.
-    fitness, target_fitness : float
-        Shares of the surfaces that overlap under the best one.
-    """
-
-    poses: FloatArray
-    chances: FloatArray
-    covariance: FloatArray
-    fitness: float
+    poses: FloatArray  # (k,4,4), poses of the source in the target's frame: the best, then its rivals
+    chances: FloatArray  # (k,), probability that each is right
+    covariance: FloatArray  # (6,6), of the best one, as `Registration.covariance`; NaN if it was not computed
+    fitness: float  # shares of the surfaces that overlap under the best one
     target_fitness: float
 
     @property

@@ -36,31 +36,15 @@ _MIDDLE_UNSEEN = 0.72  # without a viewpoint, hidden points near the scene count
 
 @dataclass(frozen=True, eq=False)
 class Sighting:
-    """A model at a pose in a scene.
+    """A model at a pose in a scene."""
 
-    Attributes
-    ----------
-    model, scene : PreparedScan
-        With the same voxel.
-    pose : (4,4) array of float64
-        Maps the model into the scene.
-    score : float
-        Of the pose, by `cgroup.verification.verify`.
-    evidence : int
-        Number of matches that agree with the pose.
-    seen : (5,) array of int64
-        Number of the model's voxels at each `Place`.
-    explained : (M,) array of bool
-        Mask of the voxels of the scene on the model.
-    """
-
-    model: PreparedScan
+    model: PreparedScan  # with the same voxel
     scene: PreparedScan
-    pose: FloatArray
-    score: float
-    evidence: int
-    seen: IndexArray
-    explained: BoolArray
+    pose: FloatArray  # (4,4), maps the model into the scene
+    score: float  # of the pose, by `cgroup.verification.verify`
+    evidence: int  # number of matches that agree with the pose
+    seen: IndexArray  # (5,), number of the model's voxels at each `Place`
+    explained: BoolArray  # (M,), mask of the voxels of the scene on the model
     threads: int | None
 
     @cached_property
@@ -124,24 +108,12 @@ _AS_GOOD = 0.8
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """A proposed pose of a model.
+    """A proposed pose of a model."""
 
-    Attributes
-    ----------
-    name : str
-        Of the model.
-    sighting : Sighting
-        Its pose.
-    others : (k,4,4) array of float64
-        Other poses at the same place that score almost as well.
-    matches : Correspondences
-        Of the search that found it.
-    """
-
-    name: str
-    sighting: Sighting
-    others: FloatArray
-    matches: Correspondences
+    name: str  # of the model
+    sighting: Sighting  # its pose
+    others: FloatArray  # (k,4,4), other poses at the same place that score almost as well
+    matches: Correspondences  # of the search that found it
 
     def registration(self, probability: float, seconds: dict[str, float]) -> Registration:
         """Return the result."""
@@ -162,26 +134,14 @@ class Proposal:
 
 @dataclass(eq=False)
 class InstanceSearch:
-    """Searches for models in a scene until none is found.
+    """Searches for models in a scene until none is found."""
 
-    Attributes
-    ----------
-    models : mapping of str to PreparedScan
-        By name.
-    scene : PreparedScan
-        With the same voxel, and normals on the same side.
-    most : int or None
-        Largest number of instances of a model.
-    free : (M,) array of bool
-        Mask of the voxels of the scene that no model explains yet.
-    """
-
-    models: Mapping[str, PreparedScan]
-    scene: PreparedScan
-    most: int | None
+    models: Mapping[str, PreparedScan]  # by name
+    scene: PreparedScan  # with the same voxel, and normals on the same side
+    most: int | None  # largest number of instances of a model
     threads: int | None
     clock: StageClock
-    free: BoolArray = field(init=False)
+    free: BoolArray = field(init=False)  # (M,), mask of the voxels of the scene that no model explains yet
 
     def __post_init__(self) -> None:
         self.free = np.ones(len(self.scene), dtype=bool)
