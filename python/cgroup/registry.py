@@ -48,31 +48,14 @@ _SPELLINGS = {
 
 
 def look_up_method(name: object) -> MethodInfo | None:
-    """Return what is known of a method, or None.
-
-    Parameters
-    ----------
-    name : str
-        Its public name, its label or the name of its function, in any case: "3dhv", "hough3d" and "3DHV"
-        are one method, as are "sc2pcr" and "SC2-PCR".
-    """
+    """Return what is known of a method by its public name, its label or its function, or None."""
     return _SPELLINGS.get(_spell(name)) if isinstance(name, str) else None
 
 
 def find_method(name: object, otherwise: str = "") -> MethodInfo:
-    """Return what is known of a method.
+    """Return what is known of a method; raise `InputError` with a suggestion if there is none.
 
-    Parameters
-    ----------
-    name : str
-        As in `look_up_method`.
-    otherwise : str
-        Other accepted values, for the error: ", or give module:function".
-
-    Returns
-    -------
-    MethodInfo
-        With its public name.
+    `otherwise` lists other accepted values, for the error: ", or give module:function".
     """
     info = look_up_method(name)
     if info is None:
@@ -94,12 +77,6 @@ def label_of(method: str) -> str:
     -------
     str
         Its short name.
-
-    Examples
-    --------
-    >>> from cgroup.registry import label_of
-    >>> label_of("hough3d"), label_of("sc2pcr")
-    ('3DHV', 'SC2-PCR')
     """
     return find_method(method).label
 

@@ -39,11 +39,6 @@ def as_points(name: str, value: object) -> FloatArray:
     return in_double(real_points(name, value))
 
 
-def as_frames(name: str, value: ArrayLike, rows: int) -> FloatArray:
-    """Return `value` as (n,3,3) float64; rows of a block are the x, y and z axes."""
-    return in_double(real_frames(name, value, rows))
-
-
 def in_double(array: RealArray) -> FloatArray:
     """Return `array` as float64; not copied where it is that already."""
     return array.astype(np.float64, copy=False)

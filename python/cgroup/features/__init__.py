@@ -1,37 +1,11 @@
 """The front end: from a point cloud to keypoints, frames, descriptors and matches.
 
-The steps of the paper (J. Yang, K. Xian, P. Wang, Y. Zhang, TPAMI 2019, section 4.1), each usable alone:
-
-============  ==========================================================================
-cloud         `Cloud`: points checked and indexed once for all steps
-unit          `resolution`: the paper's *pr*
-downsampling  `voxel_downsample`, `choose_voxel`
-surface       `normals` (plane fits), `mesh_normals`, `sample_mesh`
-detectors     `harris3d`, `iss`; `drop_isolated` removes keypoints without support
-frames        `shot_lrf`, `toldi_lrf`
-descriptors   `shot` (352 numbers), `lfsh` (30), `rcs` (72), `fpfh` (33)
-matching      `match`
-============  ==========================================================================
+The steps are those of J. Yang, K. Xian, P. Wang, Y. Zhang, TPAMI 2019, section 4.1, each usable alone.
 
 Points are (N,3) in any unit and finite; lengths are in that unit. Keypoints are row numbers of the cloud.
 "Within a radius" means nearer than it, as in PCL. Points that coincide count once, except in the means of
 voxels and in meshes; a keypoint is the first row of those that coincide. Make a `Cloud` of the points for
 several steps. All functions but those of meshes take ``threads``; results do not depend on it.
-
->>> import numpy as np
->>> from cgroup import features
->>> rng = np.random.default_rng(0)
->>> xy = rng.uniform(size=(4000, 2))
->>> height = 0.1 * np.sin(9 * xy[:, 0]) * np.cos(7 * xy[:, 1])
->>> points = np.column_stack([xy, height])
->>> cloud = features.Cloud(points)
->>> pr = features.resolution(cloud)
->>> keypoints = features.harris3d(cloud, resolution=pr, threshold=1e-6)
->>> normals = features.normals(cloud, viewpoint=(0, 0, 9))
->>> descriptors = features.shot(cloud, normals, keypoints, radius=15 * pr)
->>> matches = features.match(descriptors, descriptors)
->>> bool((matches.source_indices == matches.target_indices).all())
-True
 """
 
 from __future__ import annotations

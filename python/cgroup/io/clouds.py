@@ -235,6 +235,13 @@ def write_descriptors(path: str | os.PathLike[str], described: DescribedCloud) -
         Must end in ``.npz``; the arrays are named as the fields of `DescribedCloud`.
     described : DescribedCloud
         What to write.
+
+    Examples
+    --------
+    >>> from cgroup.datasets import standin_pair
+    >>> from cgroup.io import write_descriptors
+    >>> from cgroup.registration import describe
+    >>> write_descriptors("scan.npz", describe(standin_pair(pixels=60).source))
     """
     path = written_path(path, "descriptors", ".npz")
     as_instance("described", described, DescribedCloud)

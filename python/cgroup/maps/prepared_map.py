@@ -52,8 +52,8 @@ class Level:
 
     voxel: float  # edge length of the voxels
     points: FloatArray  # (N,3), the map, a point in each third of a voxel
-    voxels: FloatArray  # (M,3), of the voxels; normals to the side of the frames' z axis
-    normals: FloatArray  # (M,3)
+    voxels: FloatArray  # (M,3)
+    normals: FloatArray  # (M,3), to the side of the frames' z axis
     frames: FloatArray  # (M,3,3)
     descriptors: NDArray[np.float32]  # (M,34), FPFH, and its squared length
     cells: FloatArray  # (C,3), middles of the cells that are not empty

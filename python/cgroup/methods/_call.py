@@ -14,15 +14,7 @@ from cgroup.types.fields import FIELDS, Fields, check_fields
 
 @report_refused_memory()
 def call(method: str, arguments: dict[str, Any]) -> Grouping:
-    """Group what the function of a method was called with.
-
-    Parameters
-    ----------
-    method : str
-        Its public name.
-    arguments : dict
-        All arguments of the function by name: fields of correspondences, and options. It is used up.
-    """
+    """Group by all arguments of the function of a method, by name; they are used up."""
     given = {name: arguments.pop(name) for name in FIELDS if name in arguments}
     fields = check_fields(**given)
     # Copies of one's own: the caller's buffers may hold other points by the time of transform().
@@ -36,21 +28,11 @@ def compute(
     positions: tuple[RealArray, RealArray] | None,
     resolution: float | None,
 ) -> Grouping:
-    """Group by fields that are checked.
+    """Group by checked fields.
 
-    Parameters
-    ----------
-    method : str
-        Public name.
-    fields : Fields
-        Those that the method takes.
-    options : dict
-        All options of the method, and how it is to run: `threads`, and `max_memory`, `progress` and
-        `max_seconds` where it has them. It is used up.
-    positions : (source, target) or None
-        Points that nothing will change, for `Grouping.transform`.
-    resolution : float or None
-        Of the clouds, whether the method takes it or not, for `Grouping.explain`.
+    `options` are all options of the method, with `threads`, and `max_memory`, `progress` and `max_seconds`
+    where it has them; they are used up. `positions` are points that nothing will change, for
+    `Grouping.transform`; the resolution is for `Grouping.explain`.
     """
     threads, progress = options.pop("threads"), options.pop("progress", None)
     max_seconds = options.pop("max_seconds", None)

@@ -72,14 +72,6 @@ class MethodInfo:
         Fields of `Correspondences` that it needs, and those that it uses where they are given.
     options : dict of str to MethodOption
         What each option takes, in the signature's order.
-
-    Examples
-    --------
-    >>> from cgroup.registry import METHOD_INFO
-    >>> METHOD_INFO["gtm"].label, METHOD_INFO["gtm"].complexity
-    ('GTM', 'n² per step')
-    >>> [info.name for info in METHOD_INFO.values() if "ratio" in info.fields]
-    ['nnsr', 'si', 'cv']
     """
 
     name: str
@@ -180,24 +172,11 @@ def method(
     notes: Mapping[str, str] = MappingProxyType({}),
     **known: str,
 ) -> Callable[[Callable[[], None]], Callable[..., Grouping]]:
-    """Declare a method, and make its function.
+    """Return a decorator that makes the function of a method from one without a body.
 
-    Parameters
-    ----------
-    name : str
-        Public name, as the core has it.
-    in_paper, individual : bool
-        As for `MethodInfo`.
-    notes : dict of str to str
-        Additions to the meaning of a field (of both frames: "lrf"), of `max_memory` and of `max_seconds`; the
-        method takes the last two if there is a note.
-    **known
-        The other attributes of `MethodInfo`.
-
-    Returns
-    -------
-    callable
-        Decorator of a function without a body. The docstring lacks Parameters.
+    `notes` add to the meaning of a field (of both frames: "lrf"), of `max_memory` and of `max_seconds`; the
+    method takes the last two if there is a note. Others are the attributes of `MethodInfo`. The docstring
+    lacks Parameters.
     """
     fields, optional_fields, options = DESCRIBED[name]
     described = {each: MethodOption(*what) for each, what in options.items()}

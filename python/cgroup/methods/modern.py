@@ -26,30 +26,22 @@ def lc() -> None:
     """Likelihood consensus (LC): the pose that makes matches likelier than chance.
 
     For few right matches among many; a method of this library. Cliques of matches that keep their distances
-    (``|ds - dt| < tolerance``) give poses. The support of a pose is the sum of
-    ``max(0, L_i - r_i^2 / (2 sigma^2))`` over residuals r_i below ``2 * tolerance``, with
-    ``sigma = 0.9 * tolerance`` and the chance level
-    ``L_i = ln(s n / D_i) + clip(8 (0.87 - ratio_i), -0.8, 3)``: D_i counts the matches that start or end
-    within ``5/3 * tolerance`` of match i, and ``s = max(1/100, 10/n)`` is the prior share of right matches.
-    The best pose is refined, its supporters are removed, and so on; the score of each pose is its support
-    times the share of source points that it moves near a target. Of more than 2,500 correspondences, cliques
-    are sought among the 2,500 that keep their distance to the most others (``vertices`` in the diagnostics).
-    Cost O(n^2) tests of pairs, memory O(n).
+    give poses. The support of a pose is the sum of ``max(0, L_i - r_i^2 / (2 sigma^2))`` over its residuals
+    r_i, where the chance level L_i depends on the matches around match i and on its `ratio`. The best pose is
+    refined, its supporters are removed, and so on. Of more than 2,500 correspondences, cliques are sought
+    among the 2,500 that keep their distance to the most others (``vertices`` in the diagnostics). Cost O(n^2)
+    tests of pairs, memory O(n). https://cgroup-project.github.io/cgroup/methods/lc.html has all equations.
 
-    Frames give further poses and count in the support, where they are reliable: where most of the supporters
-    of significant poses have frames that agree, or where positions alone give no significant pose
-    (``by_frames`` in the diagnostics). https://cgroup-project.github.io/cgroup/methods/lc.html describes
-    every step, and the gain of each.
+    Frames give further poses and count in the support if they are reliable: if those of most supporters of
+    significant poses agree, or if positions alone give no significant pose (``by_frames`` in the
+    diagnostics).
 
     Returns
     -------
     Grouping
         The correspondences with a residual of at most ``5/3 * tolerance`` under `Grouping.model`, the best
-        pose. Its scores are probabilities to be right, given that pose; `Grouping.alternatives` has the
-        other poses too. `Grouping.false_alarms` is ``n^3/6 P(Poisson(lambda) >= k - 3)`` for k supporters
-        that lie ``7/3 * tolerance`` apart, of which chance gives lambda where the targets lie as they do;
-        times the number of tolerances that are tried; infinite where a mirror image fits as well. A smaller
-        radius is used where it makes few exact correspondences less likely by chance. The diagnostics have
+        pose. Its scores are probabilities to be right, given that pose; `Grouping.alternatives` has the other
+        poses too. `Grouping.false_alarms` is infinite where a mirror image fits as well. The diagnostics have
         ``dimensions``, whether the group's points span a body (3), a plane (2) or a line (1), and
         ``resolution``, a third of the tolerance that was used. Without a pose that three correspondences
         support, the group is empty. With a scale s, the model and the alternatives are similarities, ``s R``
@@ -90,14 +82,11 @@ def mac() -> None:
     """Maximal cliques (MAC): the best motion that cliques of agreeing matches propose.
 
     Zhang et al., *3D Registration with Maximal Cliques*, CVPR 2023, section 3; Yang et al., TPAMI 2024. Two
-    correspondences with the distance difference ``d = |ds - dt|`` agree with the weight ``w = 1 - (1 -
-    min_weight) (d / max_distance_difference)^2`` where d is not greater than that, else 0 (Eq. 1, 2: the
-    source's ``1 - d^2 / d_cmp^2``, cut at `min_weight`). The second order ``W = w o (w w)`` (Eq. 3) weights
-    a pair by those that agree with both. A dense graph is reduced to the vertices with the greatest
-    clustering coefficients ``c_i = sum_(j<k) (W_ij W_ik W_jk)^(1/3) / (deg_i (deg_i - 1) / 2)``. All
-    maximal cliques are sought; each vertex keeps the one with the greatest sum of W over its pairs, and
-    each clique that was kept proposes its least-squares motion. The best has the greatest sum of ``1 - r /
-    tolerance`` over the residuals ``r < tolerance``.
+    correspondences agree if the difference of their distances is at most `max_distance_difference`. The
+    weight of a pair grows with the number of others that agree with both (second order). A dense graph is
+    reduced to the vertices with the greatest clustering coefficients. All maximal cliques are sought; each
+    vertex keeps the heaviest one, and each clique that was kept proposes its least-squares motion. The best
+    has the greatest sum of ``1 - r / tolerance`` over the residuals ``r < tolerance``.
 
     Cost O(n^2) tests of pairs, a step for each path of two edges, and the cliques. Memory 14 bytes for each
     of the two directions of a pair that agrees.
@@ -237,15 +226,13 @@ def turboreg() -> None:
 def teaser() -> None:
     """TEASER++: truncated least squares, after pruning those that disagree in pairs.
 
-    Yang, Shi, Carlone, *TEASER: Fast and certifiable point cloud registration*, T-RO 2021,
-    with the pruning by core numbers of ROBIN (ICRA 2021) and KISS-Matcher (ICRA 2025). Two correspondences
-    are joined where ``|ds - dt| < max_distance_difference`` and ``0 < ds + dt`` (section IV). The
-    rotation is that of graduated non-convexity on the differences of each kept point to the next (section
-    VII), the translation that of adaptive voting along each axis (section V). Costs and ranges are in units
-    of the tolerance, so that an outlier costs 1 in the voting, as in the paper; the published code has the
-    tolerance itself there, and its voting depends on the unit of length. Each point's next one, and the
-    choice among several maximum cliques, depend on the order of the rows, and so may the group. Cost O(n^2)
-    tests of pairs, memory n^2 / 8 bytes.
+    Yang, Shi, Carlone, *TEASER: Fast and certifiable point cloud registration*, T-RO 2021, with the pruning
+    by core numbers of ROBIN (ICRA 2021) and KISS-Matcher (ICRA 2025). Two correspondences are joined where
+    ``|ds - dt| < max_distance_difference`` and ``0 < ds + dt`` (section IV). The rotation is that of
+    graduated non-convexity on the differences of each kept point to the next (section VII), the translation
+    that of adaptive voting along each axis (section V), in units of the tolerance. Each point's next one, and
+    the choice among several maximum cliques, depend on the order of the rows, and so may the group. Cost
+    O(n^2) tests of pairs, memory n^2 / 8 bytes.
 
     Returns
     -------

@@ -50,13 +50,13 @@ class Found:
     refined: Alignment  # the best pose, refined on the fine surfaces
     alternatives: FloatArray  # (k,4,4), other poses that share the probability
     probability: float  # that it is right
-    fitness: float  # shares of the source's and of the target's surface that overlap the other
+    fitness: float  # share of the source's surface that overlaps the target's
     matches: Correspondences  # every match of the search
     source: PreparedScan  # the scans, at the voxel of the search
     target: PreparedScan
     motions: int = 0  # number of open motions
     cases: tuple[Case, ...] = ()  # evidence for the pose, and for its rivals
-    target_fitness: float = 0.0
+    target_fitness: float = 0.0  # share of the target's surface that overlaps the source's
     places: FloatArray = field(default_factory=lambda: np.empty((0, 4, 4)))  # (c,4,4), the poses of these
     better_scale: float = 1.0  # scale of the source that fits clearly better than 1, or 1
 

@@ -7,7 +7,7 @@ from dataclasses import KW_ONLY, dataclass, replace
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cgroup import features
 from cgroup._checks.arrays import as_place, in_double
@@ -74,16 +74,6 @@ class PaperFront:
         are each other's nearest.
     similarity : {"unit", "raw"}
         Whether the similarity of two descriptors is taken after scaling them to unit length.
-
-    Examples
-    --------
-    >>> from cgroup.datasets import standin_pair
-    >>> from cgroup.registration import PaperFront, register
-    >>> pair = standin_pair(pixels=60)
-    >>> front = PaperFront("iss", "rcs", keypoints=300)
-    >>> done = register(pair.source, pair.target, front=front)
-    >>> done.ok, len(done.correspondences) < 500
-    (True, True)
     """
 
     detector: Detector = "h3d"
@@ -342,7 +332,17 @@ def _describe(
     begin("frames")
     frames = features.shot_lrf(cloud, found, radius=radius, threads=threads)
     begin("descriptors")
-    values = _compute_descriptors(cloud, directions, found, frames, front.descriptor, radius, threads)
+    match front.descriptor:
+        case "shot":
+            values = features.shot(cloud, directions, found, radius=radius, lrf=frames, threads=threads)
+        case "lfsh":
+            values = features.lfsh(cloud, directions, found, radius=radius, threads=threads)
+        case "rcs":
+            values = features.rcs(cloud, found, radius=radius, threads=threads)
+        case "fpfh":  # all points of the support count, as for the other descriptors
+            values = features.fpfh(
+                cloud, directions, found, radius=radius, max_neighbors=None, threads=threads
+            )
     valid = np.isfinite(values).all(axis=1) & values.any(axis=1)
     kept, frames, points = found[valid], frames[valid], in_double(cloud.points)
     if front.frames == "toldi":
@@ -370,26 +370,3 @@ def _find_normals(scan: Scan, normals: Normals, viewpoint: ArrayLike, threads: i
     if normals == "mesh" and scan.faces is not None:
         return features.mesh_normals(scan.cloud, scan.faces)
     return features.normals(scan.cloud, neighbors=NORMAL_NEIGHBORS, viewpoint=viewpoint, threads=threads)
-
-
-def _compute_descriptors(
-    cloud: Cloud,
-    normals: FloatArray,
-    keypoints: IndexArray,
-    frames: FloatArray,
-    descriptor: Descriptor,
-    radius: float,
-    threads: int | None,
-) -> NDArray[np.float32]:
-    match descriptor:
-        case "shot":
-            return features.shot(cloud, normals, keypoints, radius=radius, lrf=frames, threads=threads)
-        case "lfsh":
-            return features.lfsh(cloud, normals, keypoints, radius=radius, threads=threads)
-        case "rcs":
-            return features.rcs(cloud, keypoints, radius=radius, threads=threads)
-        case "fpfh":
-            # All points of the support count, as for the other descriptors.
-            return features.fpfh(
-                cloud, normals, keypoints, radius=radius, max_neighbors=None, threads=threads
-            )

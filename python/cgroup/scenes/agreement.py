@@ -23,18 +23,10 @@ _ROUNDS = 10
 def squared_errors(
     found: FloatArray, expected: FloatArray, covariance: FloatArray, middles: FloatArray, voxel: float
 ) -> FloatArray:
-    """Return the squared Mahalanobis distances between found and expected poses, (n,).
+    """Return the squared Mahalanobis distances between found and expected poses of sources, (n,).
 
-    Parameters
-    ----------
-    found, expected : (n,4,4) array of float64
-        Poses of the sources in their targets' frames.
-    covariance : (n,6,6) array of float64
-        Of (rotation vector, translation) in the target's frame, of both together.
-    middles : (n,3) array of float64
-        Of each source.
-    voxel : float
-        Unit of the further deviation of every pose.
+    The covariances (n,6,6) are those of both together, in the target's frame; `middles` (n,3) are of the
+    sources, and the voxel is the unit of the further deviation of every pose.
     """
     places = np.einsum("nij,nj->ni", expected[:, :3, :3], middles) + expected[:, :3, 3]
     landed = np.einsum("nij,nj->ni", found[:, :3, :3], middles) + found[:, :3, 3]
@@ -78,22 +70,8 @@ def weigh_by_triangles(
     overlap, their poses on the third can be wrong for the same reason: the chance is then their overlap. The
     probabilities of the other two poses are those of the previous round (loopy belief propagation).
 
-    Parameters
-    ----------
-    pairs : (m,2) array of int
-        Source and target of each pose.
-    poses : (m,4,4) array of float64
-        Source points into the target's frame.
-    covariance : (m,6,6) array of float64
-        Of each, in the target's frame.
-    prior : (m,) array of float64
-        Probabilities from the two scans alone.
-    overlap : (m,) array of float64
-        Overlap of the two surfaces under each pose.
-    middles : (N,3) array of float64
-        Of the scans.
-    voxel : float
-        Of the scans.
+    The arrays have a row per pose: source and target, the pose in the target's frame with its covariance, its
+    probability from the two scans alone, and the overlap of the surfaces. `middles` are those of all scans.
     """
     triangles = find_triangles(pairs, len(middles))
     logits = np.log(np.clip(prior, _LEAST, _SUREST)) - np.log1p(-np.clip(prior, _LEAST, _SUREST))

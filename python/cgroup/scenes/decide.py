@@ -104,14 +104,8 @@ def follow_best(
 ) -> tuple[FloatArray, IndexArray, FloatArray]:
     """Follow the most probable links, the maximum spanning tree of each component.
 
-    Returns
-    -------
-    poses : (N,4,4) array of float64
-        Scans in the frames of their components.
-    labels : (N,) array of int
-        Component of each scan, the least row in it.
-    least : (N,) array of float64
-        Chance of the least probable link between each scan and the first of its component.
+    Return the poses of the scans in the frames of their components, (N,4,4); the component of each, the least
+    row in it, (N,); and the chance of the least probable link between each and the first of its component.
     """
     poses, labels, least = np.tile(np.eye(4), (count, 1, 1)), np.arange(count), np.ones(count)
     for row in np.argsort(-chances, kind="stable").tolist():

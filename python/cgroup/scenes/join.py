@@ -156,14 +156,8 @@ def weigh_join(union: Link, across: Sequence[Sequence[Link | None]]) -> float:
 
     It is bounded by the total probability of all poses of the unions. A pose that fits no pair is no rival.
     Pairs share the surfaces of their unions, so that their evidence does not add up. Pairs that overlap but
-    do not fit under the best pose lower the probability.
-
-    Parameters
-    ----------
-    union : Link
-        Of the two unions.
-    across : sequence of sequence of Link or None
-        For each pose of the union, the evidence of each pair under it.
+    do not fit under the best pose lower the probability. `across` has the evidence of each pair under each
+    pose of the union.
     """
     known = [[found for found in some if found is not None] for some in across]
     best = np.array([max((found.probability for found in some), default=0.0) for some in known])

@@ -23,8 +23,8 @@ class Link:
     poses: FloatArray  # (k,4,4), poses of the source in the target's frame: the best, then its rivals
     chances: FloatArray  # (k,), probability that each is right
     covariance: FloatArray  # (6,6), of the best one, as `Registration.covariance`; NaN if it was not computed
-    fitness: float  # shares of the surfaces that overlap under the best one
-    target_fitness: float
+    fitness: float  # share of the source's surface that overlaps the target's under the best one
+    target_fitness: float  # share of the target's surface that overlaps the source's
 
     @property
     def pose(self) -> FloatArray:

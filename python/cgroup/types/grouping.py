@@ -101,15 +101,6 @@ class Rule:
         "maximum" the place in the data's unit, from the mean of the target points.
     resolution : float or None
         The unit pr in the data's unit, where it is known.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cgroup import mac
-    >>> source = np.random.default_rng(0).uniform(size=(50, 3))
-    >>> rule = mac(source, source + 1.0, resolution=0.01).rule
-    >>> rule.kind, rule.bound, rule.agreement.bound
-    ('residual', 0.05, 0.01)
     """
 
     method: str
@@ -158,19 +149,6 @@ class Grouping:
         several were asked for; no row unless the group is `ok`.
     rule : Rule or None
         How the method decided, with the bounds that it used; None for a method of one's own.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cgroup import gtm
-    >>> source = np.random.default_rng(0).uniform(size=(50, 3))
-    >>> target = source + [1.0, 0.0, 0.0]
-    >>> target[40:] = source[:10]
-    >>> group = gtm(source, target)
-    >>> group
-    Grouping(40 of 50 selected)
-    >>> group.mask[38:42]
-    array([ True,  True, False, False])
     """
 
     mask: BoolArray

@@ -81,6 +81,12 @@ class PointCloud:
     viewpoint : (3,) array of float64, optional
         Position of the scanner in the frame of the points, if the file has it. The origin in PCD and E57
         counts as unknown, as writers put it there by default. None for a file of scans from several places.
+
+    Examples
+    --------
+    >>> from cgroup.types import PointCloud
+    >>> len(PointCloud([[0.0, 0, 0], [1, 0, 0]]))
+    2
     """
 
     points: FloatArray
@@ -106,15 +112,6 @@ class PointCloud:
         -------
         PointCloud
             Moved points and viewpoint, rotated normals; faces and colours unchanged.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> from cgroup.types import PointCloud
-        >>> upwards = np.eye(4)
-        >>> upwards[2, 3] = 5.0
-        >>> PointCloud(np.zeros((1, 3))).transformed(upwards).points
-        array([[0., 0., 5.]])
         """
         matrix = check_rigid(transform)
         normals = None if self.normals is None else self.normals @ matrix[:3, :3].T

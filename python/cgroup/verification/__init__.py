@@ -1,14 +1,5 @@
 """Verify poses from any source on the two surfaces, and refine them.
 
-=============  ==========================================================================================
-`Surface`      points and normals, prepared once for all poses and partners
-`verify`       refine and score many poses; return the best
-`score_poses`  score poses without refining them
-`places`       classify each point of a surface under a pose
-`FineSurface`  a finely downsampled cloud
-`align`        the last refinement of a pose, on the fine surfaces
-=============  ==========================================================================================
-
 Under a right pose the surfaces coincide where they overlap, and neither lies in the free space of the other's
 scanner; a wrong pose that many matches support violates this. Lengths are in the unit of the points; `unit`
 scales every tolerance.
