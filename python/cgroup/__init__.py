@@ -59,8 +59,6 @@ if _TYPE_CHECKING:
     from cgroup.scenes import locate as locate
     from cgroup.scenes import register_all as register_all
 
-    merge = register_all
-
 __all__ = [
     "METHODS",
     "PAPER_METHODS",
@@ -79,7 +77,7 @@ __all__ = [
 __all__ += methods.__all__
 
 
-_ROOMS = (
+_ROOMS = [
     "comparison",
     "datasets",
     "evaluation",
@@ -91,36 +89,26 @@ _ROOMS = (
     "registration",
     "scenes",
     "verification",
-)
+]
 _FROM_ROOMS = {
-    "io": ("read_cloud", "write_cloud"),
-    "registration": (
-        "Registration",
-        "assess",
-        "prepare",
-        "recognize",
-        "refine",
-        "register",
-        "register_many",
-    ),
-    "scenes": ("locate", "register_all"),
+    "io": "read_cloud write_cloud",
+    "registration": "Registration assess prepare recognize refine register register_many",
+    "scenes": "locate register_all",
 }
-_ROOM_OF = {name: room for room, names in _FROM_ROOMS.items() for name in names}
-_ALIASES = {"merge": "register_all"}
+_ROOM_OF = {name: room for room, names in _FROM_ROOMS.items() for name in names.split()}
 
 
 def __getattr__(name: str) -> _Any:  # noqa: ANN401 - a module or a function
     """Load what `import cgroup` leaves out, so that it stays fast."""
     if name in _ROOMS:
         return _importlib.import_module(f"cgroup.{name}")
-    own = _ALIASES.get(name, name)
-    if own in _ROOM_OF:
-        return getattr(_importlib.import_module(f"cgroup.{_ROOM_OF[own]}"), own)
+    if name in _ROOM_OF:
+        return getattr(_importlib.import_module(f"cgroup.{_ROOM_OF[name]}"), name)
     raise AttributeError(f"module 'cgroup' has no attribute {name!r}", name=name, obj=_sys.modules[__name__])
 
 
 def __dir__() -> list[str]:
-    return sorted({*__all__, *_ROOMS, *_ROOM_OF, *_ALIASES, "methods"})
+    return sorted({*__all__, *_ROOMS, *_ROOM_OF, "methods"})
 
 
 _reserve_linear_algebra()

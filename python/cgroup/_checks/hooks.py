@@ -28,8 +28,7 @@ def load_plugin(what: str, reference: str) -> Any:  # noqa: ANN401 - whatever th
     """Import what a reference names; errors call it by `what` it is to be, such as "data set"."""
     module_name, _, attribute = as_word(what, reference).partition(":")
     if not all(part.isidentifier() for part in module_name.split(".")):
-        remedy = f"{module_name!r} is no name of a module; write module:attribute"
-        raise InputError(what, remedy=remedy)
+        raise InputError(what, remedy=f"{module_name!r} is no name of a module; write module:attribute")
     try:
         module = importlib.import_module(module_name)
     except ImportError as error:
@@ -38,6 +37,5 @@ def load_plugin(what: str, reference: str) -> Any:  # noqa: ANN401 - whatever th
             "install it, or put its folder on PYTHONPATH"
         ) from error
     if not attribute or not hasattr(module, attribute):
-        remedy = f"module {module_name!r} has no {attribute!r}; write module:attribute"
-        raise InputError(what, remedy=remedy)
+        raise InputError(what, remedy=f"module {module_name!r} has no {attribute!r}; write module:attribute")
     return getattr(module, attribute)

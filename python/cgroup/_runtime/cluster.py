@@ -53,8 +53,7 @@ def reach_cluster(scheduler: object, threads: int = 1) -> Generator[Any, None, N
                 get_address_host_port(address)  # else the client, which can't read it, hangs at its end
             client = opened.enter_context(Client(address, set_as_default=False))
         except (OSError, ValueError) as error:
-            remedy = f"it can't be reached: {error}"
-            raise InputError("scheduler", repr(scheduler), remedy) from error
+            raise InputError("scheduler", repr(scheduler), f"it can't be reached: {error}") from error
         yield client
 
 

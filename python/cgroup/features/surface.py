@@ -84,13 +84,5 @@ def mesh_normals(points: CloudLike, faces: ArrayLike) -> FloatArray:
     -------
     (N,3) array of float64
         Unit vectors; NaN rows for points without a face.
-
-    Examples
-    --------
-    >>> from cgroup import features
-    >>> corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
-    >>> faces = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]
-    >>> features.mesh_normals(corners, faces)[0].round(3).tolist()
-    [-0.577, -0.577, -0.577]
     """
     return _core.mesh_normals(core_cloud(points), as_faces("faces", faces), run_options(1))

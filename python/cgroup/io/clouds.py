@@ -45,24 +45,11 @@ _CLOUD_COLOR, _KEYPOINT_COLOR = (190, 190, 190), (213, 94, 0)
 def read_cloud(path: str | os.PathLike[str]) -> PointCloud:
     r"""Read a point cloud or mesh.
 
-    PLY and PCD (ASCII and binary, also compressed), OBJ, STL, OFF, PTS, legacy VTK; glTF and GLB; LAS and LAZ
-    of point formats 0 to 10; scans in PTX and E57; text (``.xyz``, ``.asc``, ``.txt``, ``.csv``) with x y z
-    in its first three columns, or with a line of names such as ``x,y,z,nx,ny,nz,r,g,b``, ``.xyzn`` with
-    normals, ``.xyzrgb`` with colours; KITTI's ``.bin`` (x y z reflectance in float32); NPY with an (N, 3)
-    array or records with fields x, y, z, NPZ with one named ``points`` or ``xyz``, or alone, or with arrays
-    ``x``, ``y`` and ``z``. `read_depth` reads depth images.
-
-    Commas in text are decimal ones where white space or semicolons separate the numbers: 1,5;2,5;3. Text
-    that can be read in two ways is refused.
-
-    Points with a NaN or infinite coordinate, which range scanners write where they saw nothing, are left out
-    and counted in `PointCloud.dropped`; so are those that E57 calls invalid, and PTX's points 0 0 0. All
-    scans of a PTX or E57 file come in the file's frame. STL and OBJ repeat the corners of their triangles:
-    points of exactly equal coordinates are made one. Other formats are taken as they are, in the file's
-    order. Polygons are cut into triangles that share their first corner. Colours that are given as shares of
-    one or by 16 bits become bytes. What a file declares is checked against its length before memory is taken
-    for it. Ctrl-C is heard. Of 3D Gaussian splats in PLY the centres are read, without normals; those of an
-    opacity below 0.1 are left out and counted too.
+    PLY, PCD, OBJ, STL, OFF, PTS, PTX, E57, LAS, LAZ, glTF, GLB, legacy VTK, text, KITTI's ``.bin``, NPY and
+    NPZ; docs/files.md describes what is read of each. `read_depth` reads depth images. Points with a NaN or
+    infinite coordinate, those without a return, and splats of an opacity below 0.1 are left out and counted
+    in `PointCloud.dropped`. Text that can be read in two ways is refused. Sizes that a file declares are
+    checked against its length before memory is allocated.
 
     Parameters
     ----------
@@ -339,7 +326,7 @@ def _points(array: NDArray[Any]) -> FloatArray:
     return np.asarray(array, dtype=np.float64)
 
 
-_IN_CORE = (
+_IN_CORE = [
     "bin",
     "csv",
     "las",
@@ -355,7 +342,7 @@ _IN_CORE = (
     "xyz",
     "xyzn",
     "xyzrgb",
-)
+]
 
 PARSERS: dict[str, Callable[[bytes], PointCloud]] = {
     **{f".{name}": partial(_parse_in_core, name) for name in _IN_CORE},

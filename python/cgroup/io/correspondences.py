@@ -90,16 +90,6 @@ def write_correspondences(path: str | os.PathLike[str], correspondences: Corresp
         Must end in ``.npz``.
     correspondences : Correspondences
         What to write.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cgroup import Correspondences
-    >>> from cgroup.io import read_correspondences, write_correspondences
-    >>> matches = Correspondences(np.eye(3), np.eye(3), resolution=0.1)
-    >>> write_correspondences("matches.npz", matches)
-    >>> read_correspondences("matches.npz").resolution
-    0.1
     """
     path = written_path(path, "correspondences", ".npz")
     as_instance("correspondences", correspondences, Correspondences)

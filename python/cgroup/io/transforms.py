@@ -68,9 +68,8 @@ def read_transforms(path: str | os.PathLike[str]) -> FloatArray:
     Parameters
     ----------
     path : path-like
-        ``.npy``, ``.json``, or text of any suffix: one pose per row, as 16 or 12 numbers row by row (KITTI),
-        as ``tx ty tz qx qy qz qw``, or as these after a time (TUM); or 4x4 matrices below each other, in a
-        JSON list or in a NumPy array.
+        As for `read_transform`: one pose per row, or 4x4 matrices below each other, in a JSON list or in a
+        NumPy array.
 
     Returns
     -------
@@ -129,14 +128,6 @@ def write_transform(path: str | os.PathLike[str], transform: ArrayLike) -> None:
         ``.npy``, or text of any other suffix.
     transform : (4,4) or (3,4) array_like of float
         Rotation and translation.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cgroup.io import read_transform, write_transform
-    >>> write_transform("pose.txt", np.eye(4))
-    >>> bool((read_transform("pose.txt") == np.eye(4)).all())
-    True
     """
     path = as_path("path", path)
     matrix = check_rigid(transform)

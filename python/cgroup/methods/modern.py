@@ -52,13 +52,11 @@ def lc() -> None:
     --------
     >>> import numpy as np
     >>> from cgroup import lc
-    >>> rng = np.random.default_rng(0)
-    >>> source = rng.uniform(0, 100, size=(500, 3))
-    >>> target = source[:, [1, 2, 0]] + 5.0
-    >>> target[25:] = rng.uniform(0, 100, size=(475, 3))
-    >>> result = lc(source, target)
-    >>> bool(result.mask[:25].all()), result.model[:3, 3].round(1)
-    (True, array([5., 5., 5.]))
+    >>> from cgroup.datasets import make_problem
+    >>> problem = make_problem(np.random.default_rng(0), 500, inlier_ratio=0.05)
+    >>> result = lc(problem.source, problem.target)
+    >>> bool((result.mask == problem.inlier_mask).all())
+    True
     >>> result.ok, result.false_alarms < 1e-6
     (True, True)
     """
@@ -105,13 +103,12 @@ def mac() -> None:
     --------
     >>> import numpy as np
     >>> from cgroup import mac
-    >>> rng = np.random.default_rng(0)
-    >>> source = rng.uniform(0, 100, size=(500, 3))
-    >>> target = source[:, [1, 2, 0]] + 5.0
-    >>> target[25:] = rng.uniform(0, 100, size=(475, 3))
-    >>> result = mac(source, target, resolution=1.0)
-    >>> bool(result.mask[:25].all()), result.model[:3, 3].round(1)
-    (True, array([5., 5., 5.]))
+    >>> from cgroup.datasets import make_problem
+    >>> problem = make_problem(np.random.default_rng(0), 500, inlier_ratio=0.05)
+    >>> matches = problem.source, problem.target
+    >>> result = mac(*matches, resolution=problem.resolution)
+    >>> bool((result.mask == problem.inlier_mask).all())
+    True
     """
 
 
@@ -158,13 +155,12 @@ def sc2pcr() -> None:
     --------
     >>> import numpy as np
     >>> from cgroup import sc2pcr
-    >>> rng = np.random.default_rng(0)
-    >>> source = rng.uniform(0, 100, size=(500, 3))
-    >>> target = source[:, [1, 2, 0]] + 5.0
-    >>> target[50:] = rng.uniform(0, 100, size=(450, 3))
-    >>> result = sc2pcr(source, target, resolution=1.0)
-    >>> bool(result.mask[:50].all()), result.model[:3, 3].round(1)
-    (True, array([5., 5., 5.]))
+    >>> from cgroup.datasets import make_problem
+    >>> problem = make_problem(np.random.default_rng(0), 500, inlier_ratio=0.1)
+    >>> matches = problem.source, problem.target
+    >>> result = sc2pcr(*matches, resolution=problem.resolution)
+    >>> bool((result.mask == problem.inlier_mask).all())
+    True
     """
 
 
@@ -203,13 +199,12 @@ def turboreg() -> None:
     --------
     >>> import numpy as np
     >>> from cgroup import turboreg
-    >>> rng = np.random.default_rng(0)
-    >>> source = rng.uniform(0, 100, size=(500, 3))
-    >>> target = source[:, [1, 2, 0]] + 5.0
-    >>> target[25:] = rng.uniform(0, 100, size=(475, 3))
-    >>> result = turboreg(source, target, resolution=1.0)
-    >>> bool(result.mask[:25].all()), result.model[:3, 3].round(1)
-    (True, array([5., 5., 5.]))
+    >>> from cgroup.datasets import make_problem
+    >>> problem = make_problem(np.random.default_rng(0), 500, inlier_ratio=0.05)
+    >>> matches = problem.source, problem.target
+    >>> result = turboreg(*matches, resolution=problem.resolution)
+    >>> bool((result.mask == problem.inlier_mask).all())
+    True
     """
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal
@@ -61,10 +61,8 @@ class PoseGraph:
     Notes
     -----
     The start is that of Carlone and others (*Initialization Techniques for 3D SLAM*, ICRA 2015), the search
-    the Levenberg-Marquardt method. Where trusted edges reach every node, other edges are taken in from these,
-    nearest first; else wrong edges are dropped by graduated non-convexity with truncated squares (Yang and
-    others, RA-L 2020). An edge is kept while e' W e is below 16.8, the quantile .99 of chi-squared,
-    plus twice the log-odds of its probability.
+    the Levenberg-Marquardt method. An edge is kept while e' W e is below 16.8, the quantile .99 of
+    chi-squared, plus twice the log-odds of its probability.
 
     Examples
     --------
@@ -159,8 +157,15 @@ class PoseGraph:
             keeps rotations to rounding.
         """
         path = written_path(path, "pose graphs", ".g2o", ".json")
-        form = format_json if path.suffix.lower() == ".json" else format_g2o
-        write_file(path, form(GraphContent._make((*self._arrays(self.kept), self.ids, ()))).encode())
+        write_file(path, self.encode(path.suffix.lower()))
+
+    def encode(self, suffix: str, names: Sequence[str] = ()) -> bytes:
+        """Return the content of a file; where the nodes are scans, it has their names.
+
+        :meta private:
+        """
+        form = format_json if suffix == ".json" else format_g2o
+        return form(GraphContent._make((*self._arrays(self.kept), self.ids, ())), names).encode()
 
     def optimize(
         self,
@@ -189,16 +194,6 @@ class PoseGraph:
         -------
         PoseGraph
             With new poses, and with `kept` if robust.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> from cgroup.scenes import PoseGraph
-        >>> right, wrong, weights = np.eye(4), np.eye(4), [np.eye(6)] * 3
-        >>> wrong[0, 3], edges = 9, [(0, 1), (1, 2), (0, 2)]
-        >>> graph = PoseGraph([right] * 3, edges, [right, right, wrong], weights)
-        >>> graph.optimize(robust=True).kept
-        array([ True,  True, False])
         """
         robust = as_flag("robust", robust)
         chordal = as_choice("start", start, ("chordal", "given")) == "chordal"

@@ -57,11 +57,9 @@ def count_open_motions(found: Alignment, source: PreparedScan, target: PreparedS
 def covariance_of(found: Alignment, source: PreparedScan, target: PreparedScan) -> FloatArray:
     """Return the covariance of a refined pose, (6,6): of (rotation vector, translation), the target's frame.
 
-    ``(s^2 + (0.01 v)^2) (W / 1500 + 2.5) H^-1 + 0.1 sum_k x_k x_k^T``: s the root mean square of the
-    residuals, v the voxel, H and W the matrix and the weight of a point-to-plane step, x_k the remainder of a
-    displacement by a voxel, to either side along each eigenvector of H, after refining again (after M.
-    Brossard, S. Bonnabel and A. Barrau, *A new approach to 3D ICP covariance estimation*, RA-L 2020). Along
-    an open motion the pose may lie anywhere within 8 voxels; farther poses are its rivals.
+    docs/registration-internals.md has the formula (after M. Brossard, S. Bonnabel and A. Barrau, *A new
+    approach to 3D ICP covariance estimation*, RA-L 2020). Along an open motion the pose may lie anywhere
+    within 8 voxels; farther poses are its rivals.
     """
     pose, voxel = found.T_target_source, source.voxel
     resisted = resistance(found.information, apply(pose, source.voxels.points))

@@ -240,13 +240,7 @@ def share_probability(best: Case, rivals: Sequence[Case], scales: int = 1) -> tu
     The best of equal poses leads by chance, so a rival has a full share until the lead exceeds
     `LEAD_BY_CHANCE`. "None of these" counts once per tried scale, as more freedom fits more by chance.
 
-    Returns
-    -------
-    probability : float
-        That the best pose is right: ``1 / (1 + n e^-E + sum_r e^(1 - L_r))``, E its lead over chance, n the
-        scales, L_r its lead over a rival.
-    shares : (r,) array of float64
-        Of each rival, as multiples of the best one's probability.
+    Return the probability that the best pose is right, and that of each rival as a multiple of it.
     """
     leads = np.array([weigh(best) - weigh(rival) for rival in rivals])
     shares = np.exp(np.clip(LEAD_BY_CHANCE - leads, -_MOST_NATS, LEAD_BY_CHANCE))

@@ -207,14 +207,7 @@ class Registration:
     ) -> Any:  # noqa: ANN401 - matplotlib's Figure or plotly's
         """Draw both clouds, the matches that agree with the pose, and the aligned clouds.
 
-        Parameters
-        ----------
-        source, target : PointCloud or (N,3) array_like of float, optional
-            The registered clouds; the matched points by default.
-        correct : (n,) array_like of bool, optional
-            Mask of the correct matches, which colours the lines.
-        interactive : bool
-            Whether to return an interactive figure of plotly.
+        Parameters are as for `plot` of `Correspondences`.
 
         Returns
         -------

@@ -238,8 +238,7 @@ def as_scan(name: str, cloud: Scan | Cloud | AnyCloud, *, distinct: bool = False
         raise InputError(name, remedy="all its points coincide; give a cloud of a surface")
     if len(rows) <= NORMAL_NEIGHBORS:
         counted = "points" if first is None else "distinct points"
-        remedy = f"descriptors need more than {NORMAL_NEIGHBORS}"
-        raise InputError(name, f"{len(rows)} {counted}", remedy)
+        raise InputError(name, f"{len(rows)} {counted}", f"descriptors need more than {NORMAL_NEIGHBORS}")
     ready = cloud if isinstance(cloud, Cloud) and first is None else Cloud(rows, name=name)
     scan = Scan(ready, normals, faces, name, points, rows=first, rounding=_find_rounding(ready))
     if not isinstance(cloud, PointCloud) or cloud.viewpoint is None:

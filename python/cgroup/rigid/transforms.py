@@ -71,17 +71,6 @@ def check_rigid(transform: ArrayLike, name: str = "transform") -> FloatArray:
     -------
     (4,4) array of float64
         The same numbers as float64; the last row is 0 0 0 1.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cgroup.rigid import check_rigid
-    >>> check_rigid(np.eye(4)).dtype
-    dtype('float64')
-    >>> check_rigid(2 * np.eye(4), "pose")
-    Traceback (most recent call last):
-        ...
-    cgroup.errors.InputError: pose: last row is [0. 0. 0. 2.], not 0 0 0 1
     """
     matrix = _matrix(as_instance("name", name, str), transform)
     if not np.isfinite(matrix).all():

@@ -24,7 +24,7 @@ from cgroup.io import write_cloud, write_file
 from cgroup.io.files import check_outputs, number_lines, written_path
 from cgroup.io.scan_names import list_names, names_file
 from cgroup.pose_graph import PoseGraph
-from cgroup.pose_graph.files import GraphContent, format_g2o, format_json, motion_lines
+from cgroup.pose_graph.files import motion_lines
 from cgroup.registration import PreparedScan
 from cgroup.registration.covariance import covariance_in
 from cgroup.registration.result import merge_clouds
@@ -255,12 +255,7 @@ class Scene:
         if suffix in _CLOUDS:
             write_cloud(path, self.merged(component=component))
         elif suffix in _GRAPHS:
-            graph = self._graph_of(sorted(rows))
-            edges = (graph.edges, graph.measurements, graph.information, graph.probability)
-            kept = (each[graph.kept] for each in edges)
-            content = GraphContent._make((graph.poses, *kept, graph.ids, ()))
-            form = format_json if suffix == ".json" else format_g2o
-            write_file(path, form(content, self.names).encode())
+            write_file(path, self._graph_of(sorted(rows)).encode(suffix, self.names))
         else:
             write_file(path, format_poses(suffix, self.poses[rows], rows, self.names).encode())
 

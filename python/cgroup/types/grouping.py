@@ -253,30 +253,13 @@ class Grouping:
     ) -> Any:  # noqa: ANN401 - matplotlib's Figure or plotly's
         """Draw both sides and lines between the matches of the group.
 
-        Parameters
-        ----------
-        source, target : PointCloud or (N,3) array_like of float, optional
-            The whole clouds; the matched points where they are not given.
-        T_target_source : (4,4) array_like of float, optional
-            Rotates the source as in this pose; by default that of the group.
-        correct : (n,) array_like of bool, optional
-            Which matches are correct; lines are coloured by it.
-        interactive : bool
-            Return a figure to rotate and zoom, which explains on hover why each match was kept or dropped.
+        Parameters are as for `plot` of `Correspondences`; the pose is that of the group by default. An
+        interactive figure explains on hover why each match was kept or dropped.
 
         Returns
         -------
         matplotlib.figure.Figure or plotly.graph_objects.Figure
             Not shown; notebooks show what a cell returns.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> from cgroup import lc
-        >>> source = np.random.default_rng(0).uniform(0, 100, size=(60, 3))
-        >>> figure = lc(source, source + 5.0, resolution=1.0).plot()
-        >>> type(figure).__name__
-        'Figure'
         """
         if self._positions is None:
             raise InputError(_WITHOUT_POINTS.format("plot"))

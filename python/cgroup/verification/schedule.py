@@ -79,11 +79,9 @@ def verify(
 ) -> Verification:
     """Find the best of many poses on the surfaces, and refine it.
 
-    All are scored with 300 samples of either surface and a tolerance of 8 units; the 150 best, none within 10
-    units of another, are refined by 12 point-to-plane steps and scored with 1,000 samples and 3 units; the 12
-    best by 15 more steps and scored with 2,500 samples and 2 units. These are ranked by
-    ``ln score + 0.1 ln(1 + min(evidence, 20))``. The steps are those of Y. Chen and G. Medioni, *Object
-    modelling by registration of multiple range images*, 1992.
+    All are scored coarsely; the best ones are refined by point-to-plane steps (Y. Chen and G. Medioni,
+    *Object modelling by registration of multiple range images*, 1992) and scored more finely, in two more
+    rounds. They are ranked by ``ln score + 0.1 ln(1 + min(evidence, 20))``.
 
     Parameters
     ----------
@@ -144,11 +142,8 @@ def score_poses(
 ) -> FloatArray:
     """Return scores of poses as in the last round of `verify`, without refinement.
 
-    A sample x of one surface, moved onto the other, finds the nearest point y with normal m (nearest to the
-    centre of a cell of 1 unit, up to 4 units away). With ``e^2 = ((x - y).m)^2 + 0.15 |x - y|^2`` it counts
-    ``1 - e^2/t^2`` where that is positive, t = 2 units, and the normals' cosine exceeds 0.8. One that finds
-    none counts -1 if it lies more than 3 units in front of the other's observed surface, and -0.3 if it lies
-    in front of its background and faces the scanner. The score is the sum of both means.
+    The mean over the samples of either surface of their agreement with the other surface, minus violations of
+    its free space; the score is the sum of both means.
 
     Parameters are as for `verify`.
 

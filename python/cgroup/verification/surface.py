@@ -121,11 +121,8 @@ def places(
 ) -> NDArray[np.uint8]:
     """Classify each source point under a pose by its position on the target.
 
-    As in the last round of `verify`: with the nearest point y, normal m, of the target (up to 4 units away),
-    a moved point x lies on it where ``((x - y).m)^2 + 0.15 |x - y|^2 < t^2``, t = 2 units, and the normals'
-    cosine exceeds 0.8. Without a near point, the target's observed ranges decide, with a tolerance of 3
-    units. If the scanner is known, points that face away from it (cosine 0.3) or that lie 3 units behind the
-    source's own surface are unknown.
+    As in the last round of `verify`. Without a near point, the target's observed ranges decide. If the
+    scanner is known, points that face away from it, or that lie behind the source's own surface, are unknown.
 
     `pose` is as for `align`; the other parameters are as for `verify`.
 
