@@ -28,19 +28,11 @@ class InputError(CgroupError, ValueError):
     Parameters
     ----------
     what : str
-        The argument; or the whole message, if no argument is at fault.
+        The argument, or several, such as "nms_radius, voxel"; or the whole message, if no argument is at
+        fault. The attribute `parameter` has its name, or None.
     got : object, optional
         Its value, as ``str()`` shows it.
     remedy : str, optional
-        What to give instead.
-
-    Attributes
-    ----------
-    parameter : str or None
-        The argument by its name, or several, such as "nms_radius, voxel".
-    got : str or None
-        What it was.
-    remedy : str or None
         What to give instead.
 
     Examples

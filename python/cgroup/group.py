@@ -60,10 +60,6 @@ def group(
     Grouping
         In the order of the correspondences.
 
-    See Also
-    --------
-    group_many : Many problems side by side.
-
     Examples
     --------
     >>> import numpy as np
@@ -121,10 +117,6 @@ def group_many(
     -------
     list of Grouping
         In the order of the problems.
-
-    See Also
-    --------
-    group : One problem, on all cores.
 
     Examples
     --------

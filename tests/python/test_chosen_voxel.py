@@ -6,7 +6,7 @@ import pytest
 from cgroup import NoConsensusError, register
 from cgroup.datasets import standin_pair
 from cgroup.features import sample_mesh
-from cgroup.features._places import find_distinct
+from cgroup.features.cloud import find_distinct
 from cgroup.io import PointCloud
 from cgroup.registration import assess, describe, surface_normals
 from cgroup.registration.parts import find_parts

@@ -188,7 +188,7 @@ def test_remedies_of_a_pose_that_cannot_be_trusted(
     base = ("register", files["source"], "other.ply")
     err = fail(capsys, *base, status=3)
     assert err.startswith("cgroup: no pose that can be trusted: ")
-    assert "by --viewpoint, or where it looked by --view-direction" in err
+    assert "by --viewpoint, or its direction by --view-direction" in err
     assert not (tmp_path / "out").exists()
 
 

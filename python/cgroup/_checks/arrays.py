@@ -24,9 +24,8 @@ IndexArray: TypeAlias = NDArray[np.int64]
 
 
 _DEEPEST = 5  # lists within lists, beyond which no shape is right anyway
-
+# Types of numbers that the compiled core reads without a conversion
 AS_THEY_ARE = (np.dtype(np.float32), np.dtype(np.float64))
-"""Types of numbers that the compiled core reads without a conversion."""
 
 
 def as_floats(name: str, value: ArrayLike) -> FloatArray:

@@ -30,11 +30,6 @@ def cut(text: str) -> str:
     return text if len(text) <= _LONGEST else text[: _LONGEST - 3] + "..."
 
 
-def _short_repr() -> reprlib.Repr:
-    short = reprlib.Repr()
-    short.maxother = short.maxstring = _LONGEST
-    short.maxlong = 40
-    return short
-
-
-_REPR = _short_repr()
+_REPR = reprlib.Repr()
+_REPR.maxother = _REPR.maxstring = _LONGEST
+_REPR.maxlong = 40

@@ -14,9 +14,8 @@ from cgroup.errors import InputError
 
 _Task = TypeVar("_Task")
 
+# In place of an address: a scheduler and threads in this process, which no other process can reach
 LOCAL = "local"
-"""In place of an address: a scheduler and threads in this process, which no other process can reach."""
-
 _PER_THREAD = 2  # tasks handed out per thread of a cluster: one to work on, one to go on with
 _LOGGERS = ("distributed", "distributed.client", "tornado", "tornado.application", "asyncio")
 

@@ -22,10 +22,8 @@ from typing import NoReturn, TypeAlias
 Handler: TypeAlias = Callable[[int, FrameType | None], None] | signal.Handlers
 
 INTERRUPTED = 130  # exit status of an interrupted command: 128 and the number of the signal
-
+# What runs as long as a compiled module is being loaded
 _COMPILED_LOADING = (ExtensionFileLoader.create_module.__code__, ExtensionFileLoader.exec_module.__code__)
-"""What runs as long as a compiled module is being loaded."""
-
 _SECONDS_UNTIL_AGAIN = 0.01  # after which a signal that came where it couldn't be raised is sent again
 
 

@@ -22,10 +22,8 @@ else:
 MOST = 3 << 29  # a dense matrix never takes more than 1.5 GiB by default
 SHARE_OF_FREE = 4  # and at most one part in four of what is free
 UNKNOWN_FREE = 4 << 30  # bytes assumed free where the system does not report them
-
+# Bytes that a problem gets without a look at what is free, which takes longer than to solve it
 SMALL = 32 << 20
-"""Bytes that a problem gets without a look at what is free, which takes longer than to solve it."""
-
 _LARGEST_PAIR = 40  # bytes per pair of correspondences that suffice for the most demanding method
 _LINEAR_ALGEBRA = 128 << 20  # bytes of address space that suffice for the buffer of any build of OpenBLAS
 

@@ -11,14 +11,12 @@ from cgroup import _core
 from cgroup._checks.arrays import as_rows, real_normals
 from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.values import as_count, as_flag, as_length, as_number, run_options
-from cgroup.features._places import Places
-from cgroup.features.cloud import CloudLike, places_of, resolution_of
+from cgroup.features.cloud import CloudLike, Places, places_of, resolution_of
 from cgroup.types import IndexArray
 
 HARRIS_RADIUS = 2.7  # default radius of Harris 3D in pr, as in the paper authors' pipeline
-
+# Default salient and non-maximum radius of ISS in pr, as in the paper authors' pipeline
 ISS_RADII = (2.7, 1.8)
-"""Default salient and non-maximum radius of ISS in pr, as in the paper authors' pipeline."""
 
 SUPPORT_RADIUS = 15.0
 """Radius of descriptors and frames in pr (paper, section 4.4)."""

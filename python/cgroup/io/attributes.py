@@ -20,8 +20,8 @@ _LAS = ("intensity", "returns", "classification", "scan angle", "user data", "po
 _WITHOUT_TIME, _WITH_NEAR_INFRARED, _WITH_WAVES = {0, 2}, {8, 10}, {4, 5, 9, 10}  # point formats of LAS
 
 
+# Columns that are read if no line has names; those of PTS depend on their number
 _TEXTS = {".xyz": 3, ".asc": 3, ".txt": 3, ".csv": 3, ".xyzn": 6, ".xyzrgb": 6, ".pts": 3}
-"""Columns that are read if no line has names; those of PTS depend on their number."""
 
 _COMMENTS, _LEAST_COLUMNS = ("#", "//"), 3
 

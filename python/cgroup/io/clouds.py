@@ -35,9 +35,8 @@ _DESCRIBED_FIELDS = tuple(field.name for field in fields(DescribedCloud))
 
 Real: TypeAlias = Literal["float64", "float32"]
 REALS: tuple[Real, ...] = ("float64", "float32")
-
+# Share of a cloud's size by which points may move where they are written in single precision
 _MOST_LOST = 1e-6
-"""Share of a cloud's size by which points may move where they are written in single precision."""
 
 _CLOUD_COLOR, _KEYPOINT_COLOR = (190, 190, 190), (213, 94, 0)
 
@@ -357,8 +356,8 @@ PARSERS: dict[str, Callable[[bytes], PointCloud]] = {
 """By the suffix of a file."""
 
 
+# Suffixes of clouds that poses, matches and notes have as well: a folder's are not taken
 _OTHERS_TOO = {".csv", ".npy", ".npz", ".txt"}
-"""Suffixes of clouds that poses, matches and notes have as well: a folder's are not taken."""
 
 
 def find_clouds(name: str, paths: Iterable[str | os.PathLike[str]]) -> list[Path]:

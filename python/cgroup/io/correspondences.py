@@ -17,11 +17,10 @@ from cgroup.io.files import load_numbers, naming, parse_file, read_content, writ
 from cgroup.io.numpy_files import load_npy, npz_bytes, read_arrays, single_number, write_array
 from cgroup.types import OPTIONAL_FIELDS, Correspondences, FloatArray
 
+# How a line of a table's names begins, perhaps behind the mark of UTF-8
 _NAME = re.compile(rb"(\xef\xbb\xbf)?\s*[\"']?(?!nan\b|inf)[A-Za-z_]", re.IGNORECASE)
-"""How a line of a table's names begins, perhaps behind the mark of UTF-8."""
-
+# Suffixes of clouds whose files may hold matches as well
 _TABLES = {".asc", ".csv", ".npy", ".npz", ".pts", ".txt", ".xyz"}
-"""Suffixes of clouds whose files may hold matches as well."""
 
 
 def read_correspondences(path: str | os.PathLike[str]) -> Correspondences:

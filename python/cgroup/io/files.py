@@ -256,8 +256,8 @@ def number_lines(rows: FloatArray) -> list[str]:
     return [" ".join(map(repr, row)) for row in rows.tolist()]
 
 
+# Windows neither moves nor removes a file that is open, and has no `flock`
 _IS_WINDOWS = sys.platform == "win32"
-"""Windows neither moves nor removes a file that is open, and has no `flock`."""
 
 _BEGIN, _END, _ALIVE = ".cgroup-", ".part", "locked"
 _PART_FLAGS = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOFOLLOW", 0)

@@ -46,15 +46,11 @@ from cgroup.rigid import apply
 from cgroup.types import AnyCloud, BoolArray, FloatArray, IndexArray
 
 VOXELS = 1200  # approximate number of voxels of a scan
-
+# Least and most descriptors of a scan for comparing places; approximate number of comparisons
 COMPARED, COMPARISONS = (100, 400), 10**8
-"""Least and most descriptors of a scan for comparing places; approximate number of comparisons."""
-
 WHOLE = 10_000  # largest number of voxels of a map that is registered as a whole
-
+# Number of places at a time; largest number of places from above, and by descriptors
 FIRST, FROM_ABOVE, ALIKE = 2, 4, 8
-"""Number of places at a time; largest number of places from above, and by descriptors."""
-
 ENOUGH = 4  # number of tried places from which an accepted pose suffices; before, it must be sure
 _SLACK = 2.0  # voxels that the origin may lie beyond its radius
 _WITHIN = 0.9  # share of a scan's voxels within its radius

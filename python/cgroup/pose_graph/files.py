@@ -18,20 +18,18 @@ from cgroup.rigid.transforms import quaternions, turn
 
 _UPPER = np.triu_indices(6)
 _PLACE = np.empty((6, 6), int)
+# Place of each entry of a symmetric matrix in its upper triangle
 _PLACE[_UPPER] = _PLACE.T[_UPPER] = np.arange(21)
-"""Place of each entry of a symmetric matrix in its upper triangle."""
 
+# Files of g2o and Open3D have the translation first
 _SWAPPED = (slice(None), *np.ix_([3, 4, 5, 0, 1, 2], [3, 4, 5, 0, 1, 2]))
-"""Files of g2o and Open3D have the translation first."""
-
 _SKEWED = 1e-6  # difference from the transpose that rounding may cause, of matrices with a diagonal of ones
 _ROUNDING = 1e-4  # negative eigenvalues that rounding to few digits may cause, of the same
 _LEAST = 1e-9  # what such eigenvalues are raised to: too little to change a pose
 
 _MOST_NAMED = 10
-
+# Numbers after the word that a line begins with
 _NUMBERS = {"VERTEX_SE3:QUAT": 8, "VERTEX3": 7, "EDGE_SE3:QUAT": 30, "EDGE3": 29}
-"""Numbers after the word that a line begins with."""
 
 
 class GraphContent(NamedTuple):

@@ -21,20 +21,15 @@ from cgroup.verification.schedule import DIFFERENT_UNITS
 
 Convention: TypeAlias = Literal["gtsam", "g2o", "ros"]
 CONVENTIONS: tuple[Convention, ...] = ("gtsam", "g2o", "ros")
-
+# Largest number of independent residuals; number of neighbours with equal errors if there are few
 INDEPENDENT, ALIKE = 1500.0, 2.5
-"""Largest number of independent residuals; number of neighbours with equal errors if there are few."""
-
 LEAST_DEVIATION = 0.01  # least standard deviation of the residuals, in voxels
-
+# Displacement of the pose in voxels, and samples of either surface that then pull it back
 DISPLACED, SAMPLES = 1.0, 300
-"""Displacement of the pose in voxels, and samples of either surface that then pull it back."""
-
 LEFT = 0.1  # weight of the remainder of each displacement
 NOT_PULLED_BACK = 0.5  # remaining share of a displacement from which a motion is open
-
+# Refinements and samples of either surface that pull back a pose displaced along a weak motion
 ROUNDS, MORE_SAMPLES = 3, 1000
-"""Refinements and samples of either surface that pull back a pose displaced along a weak motion."""
 
 _LEAST_RESISTANCE = 1e-6
 

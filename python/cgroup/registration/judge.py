@@ -29,10 +29,8 @@ MOST_OPEN_MOTIONS = 1  # largest number of open motions: along a corridor a pose
 MOST_MATCHES = 20  # number of matches beyond which more add no evidence
 LEAST_NOISE = 0.02  # least deviation of a surface's points from its planes, in voxels
 CROSSED_BY_CHANCE = 0.02  # share in free space that noise and coarse rings explain
-
+# Number of planes that wrong poses align too, and largest number of further ones that count
 PLANES_BY_CHANCE, MOST_FURTHER_PLANES = 4, 3
-"""Number of planes that wrong poses align too, and largest number of further ones that count."""
-
 LEAD_BY_CHANCE = 1.0  # nats by which the best of equal poses leads
 MOST_REPEATS = 0.01  # share of repeated points from which a note is added
 AS_GOOD = 0.3  # share of the best pose's probability from which another one counts as an alternative
@@ -348,7 +346,7 @@ def _find_layers(*scans: PreparedScan) -> list[str]:
             layered.append(f"seen along the view direction of {name}, {seen}: {remedy}")
         else:
             place = f"{name}_viewpoint" if name in {"source", "target"} else f"the viewpoint of {name}"
-            remedy = "give the place where the scanner stood, or `view_direction`, or neither"
+            remedy = "give the scanner's position, its `view_direction`, or neither"
             layered.append(f"seen from {place}, {seen}: {remedy} for a cloud fused from several scans")
     return layered
 
@@ -373,8 +371,8 @@ def _remedy(source: PreparedScan, target: PreparedScan, axis: FloatArray | None,
     causes += "" if len(unseen) == 2 else ", or a viewpoint may be wrong"
     if len(unseen) == 2:
         return (
-            f"{causes}; if each is a single scan, give the scanner's position as `viewpoint`, or its "
-            "`view_direction`"
+            f"{causes}; if each is a single scan, give the scanner's position by `viewpoint`, or its "
+            "direction by `view_direction`"
         )
     if unseen:
         return f"{causes}; if the {unseen[0]} is a single scan, give `{unseen[0]}_viewpoint` too"

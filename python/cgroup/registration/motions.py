@@ -9,9 +9,8 @@ import numpy as np
 from cgroup.rigid.se3 import about
 from cgroup.types import FloatArray
 
+# Share of the resistance of all pairs up to which a motion may be open, as for `Alignment.open_motion`
 OPEN = 0.01
-"""Share of the resistance of all pairs up to which a motion may be open, as for `Alignment.open_motion`."""
-
 _SLIGHT = 0.1  # part of a motion that is left out of its description, beside the other part
 
 

@@ -16,7 +16,7 @@ from cgroup._checks.values import as_choice, as_count, as_items, as_length, refu
 from cgroup._runtime.progress import as_stage_function, ignore_progress
 from cgroup.errors import InputError
 from cgroup.features import ORIGIN, SUPPORT_RADIUS, Cloud, DescribedCloud, Viewpoint
-from cgroup.features._places import renumber
+from cgroup.features.cloud import renumber
 from cgroup.registration.matching import as_correspondences
 from cgroup.registration.scan import NEEDED_FOR, NORMAL_NEIGHBORS, NORMALS, Normals, Scan, as_scan
 from cgroup.types import AnyCloud, Correspondences, FloatArray, IndexArray
@@ -26,11 +26,9 @@ Descriptor: TypeAlias = Literal["shot", "lfsh", "rcs", "fpfh"]
 
 DETECTORS: tuple[Detector, ...] = ("h3d", "iss")
 DESCRIPTORS: tuple[Descriptor, ...] = ("shot", "lfsh", "rcs", "fpfh")
-
 MIN_SUPPORT_POINTS = 10  # points within the support of a keypoint, below which it is dropped
-
+# Clouds that differ more than this are taken to be in different units; descriptors would be useless
 MAX_RESOLUTION_RATIO = 20.0
-"""Clouds that differ more than this are taken to be in different units; descriptors would be useless."""
 
 _CHOICES = {
     "detector": DETECTORS,

@@ -41,30 +41,22 @@ UNIT = 0.4  # unit of the surfaces and of the matches, in voxels
 VOXELS = 5000  # voxels that a cloud is thinned to, about
 LEAST_VOXELS = 100  # voxels below which unrelated clouds lie on each other too well by chance
 MOST_VOXELS = 100_000  # voxels beyond which matching each with all others takes more than some 20 seconds
-
+# Share and number of the voxels that have a normal, below which they are too far apart
 LEAST_PLANES, LEAST_PLANAR_VOXELS = 0.1, 10
-"""Share and number of the voxels that have a normal, below which they are too far apart."""
-
 FEW_VOXELS = 20  # voxels below which a cloud is no surface
-
+# Points below which a voxel chosen by number may be too small. It grows in such steps until a share of the
+# voxels has a normal; a diagonal has more voxels than the last.
 _SPARSE, _USUAL_PLANES, _COARSER, _LEAST_ACROSS = 2000, 0.9, 2**0.25, 5.0
-"""Points below which a voxel chosen by number may be too small. It grows in such steps until a share of the
-voxels has a normal; a diagonal has more voxels than the last."""
-
+# Points of a cloud below which voxels begin finer, and by how much: else too few are left
 FEW_POINTS, _FINER_OF_FEW = 300, 0.5
-"""Points of a cloud below which voxels begin finer, and by how much: else too few are left."""
-
+# Blocks of a surface's box, and along its edge: half of those allowed; and the edge of one, in voxels
 _MOST_BLOCKS, _MOST_ALONG, _BLOCK = 2**29, 2**16, 8 * UNIT
-"""Blocks of a surface's box, and along its edge: half of those allowed; and the edge of one, in voxels."""
-
+# Voxels that a cloud gets which is smaller than another, and how much smaller it then is
 _LEAST_OF_EACH, _SIZES_DIFFER = 1000, 2.0
-"""Voxels that a cloud gets which is smaller than another, and how much smaller it then is."""
-
+# Most neighbours of a voxel's plane, and of its descriptor's support
 NORMAL_NEIGHBORS, FEATURE_NEIGHBORS = 30, 100
-"""Most neighbours of a voxel's plane, and of its descriptor's support."""
-
+# Spacings of the surfaces for the last refinement, in voxels: the first at which both clouds have planes
 FINE = (1 / 3, 2 / 3, 4 / 3, 8 / 3, 16 / 3)
-"""Spacings of the surfaces for the last refinement, in voxels: the first at which both clouds have planes."""
 
 
 @dataclass(frozen=True)

@@ -27,8 +27,8 @@ from cgroup.rigid.transforms import split_scale
 from cgroup.types import AnyCloud, Correspondences, FloatArray, Grouping, PointCloud
 from cgroup.types.point_cloud import as_cloud, join_clouds
 
+# Red, green and blue of source and target, if the clouds have no colours
 SCAN_COLORS = (230, 159, 0), (0, 114, 178)
-"""Red, green and blue of source and target, if the clouds have no colours."""
 
 
 _ELSEWHERE = {

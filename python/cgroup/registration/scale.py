@@ -40,19 +40,14 @@ from cgroup.rigid.transforms import scaling
 from cgroup.types import FloatArray
 
 WITHIN = 3.0  # factor around the ratio of the clouds' sizes within which the scale is searched
-
+# Number of voxels at the finest size of description, number of sizes, and their ratio
 VOXELS, SIZES, STEP = 2500, 4, 2**0.5
-"""Number of voxels at the finest size of description, number of sizes, and their ratio."""
-
+# Best matches of two sizes; largest disagreement and least distance of two of them, in voxels
 MATCHES, AGREE, APART = 400, 1.0, 4.0
-"""Best matches of two sizes; largest disagreement and least distance of two of them, in voxels."""
-
+# Ratio of the tried scales, and their number to either side of a ratio of sizes
 GRID, AROUND = 2 ** (1 / 16), 4
-"""Ratio of the tried scales, and their number to either side of a ratio of sizes."""
-
+# Number of scales with a search, and their least consensus as a share of the greatest
 CANDIDATES, AS_LIKELY = 2, 0.7
-"""Number of scales with a search, and their least consensus as a share of the greatest."""
-
 UNCERTAIN = 0.01  # deviation of the scale from which a note is added
 
 _POWER_STEPS = 8

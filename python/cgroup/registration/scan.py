@@ -22,8 +22,7 @@ from cgroup._checks.values import as_length, run_options
 from cgroup._runtime.workers import cached_property
 from cgroup.errors import InputError
 from cgroup.features import Cloud, Viewpoint, sample_mesh
-from cgroup.features._places import find_distinct, renumber
-from cgroup.features.cloud import core_cloud
+from cgroup.features.cloud import core_cloud, find_distinct, renumber
 from cgroup.features.meshes import longest_edges
 from cgroup.types import AnyCloud, BoolArray, FloatArray, IndexArray, PointCloud, RealArray
 from cgroup.types.point_cloud import find_cloud
@@ -32,30 +31,24 @@ Normals: TypeAlias = Literal["pca", "mesh", "given"]
 NORMALS: tuple[Normals, ...] = ("pca", "mesh", "given")
 
 NEEDED_FOR = {"mesh": "faces", "given": "normals"}
-
 NORMAL_NEIGHBORS = 20  # neighbours of a plane that is fitted to a whole cloud
-
+# Clouds that differ more than this are taken to be in different units; no voxel suits both
 MAX_SIZE_RATIO = 100.0
-"""Clouds that differ more than this are taken to be in different units; no voxel suits both."""
-
 MAX_RANGE = 1000.0  # distance of the viewpoint in diagonals of the cloud, beyond which it can't be meant
 FAR_AWAY = 50.0  # distance of a viewpoint of which the direction is known alone, in diagonals of the cloud
-
+# Spacing of single precision, as a share of that of the points, beyond which their digits are lost
 MOST_ROUNDED = 0.1
-"""Spacing of single precision, as a share of that of the points, beyond which their digits are lost."""
-
+# Share of directions with several depths that edges explain, and how near (of the cloud's diagonal)
+# surfaces begin around a scanner that they surround: its rings and plants explain more
 MOST_LAYERED, LEAST_DISTANCE = 0.015, 0.045
-"""Share of directions with several depths that edges explain, and how near (of the cloud's diagonal) surfaces
-begin around a scanner that they surround: its rings and plants explain more."""
-
 MOST_STRAYS = 0.05  # share of a cloud's points beyond which points far from the others are no strays
 _LEAST_ROUNDED = 1e-6  # of the cloud's diagonal
 _FAR, _ROOM, _ALONE = 3.0, 0.5, 4
 _ENOUGH = 20_000  # points that tell the size of a cloud
 _DIRECTIONS, _FEW = 1000, 8  # looked at, of which one in so many first
 _NEARBY, _LAYERS_APART = 4, 3.0  # nearest directions of each, voxels
+# Length of a large face in mean spacings; share of the area in them, or vertices, that need samples
 _LARGE, _LARGE_SHARE, _FEW_VERTICES = 4.0, 0.2, 2000
-"""Length of a large face in mean spacings; share of the area in them, or vertices, that need samples."""
 _MESH_SPACING = 0.5  # voxels between points on a large face
 
 

@@ -44,16 +44,14 @@ from cgroup.verification.alignment import align_each
 
 Effort: TypeAlias = Literal["low", "normal", "high"]
 EFFORTS: tuple[Effort, ...] = ("low", "normal", "high")
-
 FINALISTS = 8  # number of verified poses that are refined on the fine surfaces
 NEARBY_FINALISTS = 3  # the same near a rough pose
 RIVALS = 6  # number of rivals of the best pose, and of those that are searched for
 FIRST_SAMPLES = 500  # samples of either surface for their refinement; the best one then gets all
 MAX_TILT = 10.0  # degrees by which a pose may tilt an axis that both clouds share
-
+# Voxels, in those before, and the neighbours that each is matched with: where more effort is asked for, and
+# for clouds of few points, which leave it to chance at which voxel the pose is found
 _FINER, _OF_FEW = ((2**-0.5, 3),), ((1.25, 1), (0.8, 1))
-"""Voxels, in those before, and the neighbours that each is matched with: where more effort is asked for, and
-for clouds of few points, which leave it to chance at which voxel the pose is found."""
 
 
 @dataclass(frozen=True, eq=False)

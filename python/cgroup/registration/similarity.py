@@ -18,11 +18,9 @@ from cgroup.rigid.transforms import cross_products, scaling, split_scale
 from cgroup.types import FloatArray
 
 BEND = 6.0  # edge of the cells whose mean residuals show bends, in voxels
-
+# Deviation of the scale of right poses; deviations at which half of a probability is left, and the share of
+# these from which that is noted; one voxel of so many is looked at
 DRIFT, CLEARLY, NOTED, SOME = 0.01, 3.0, 0.8, 3
-"""Deviation of the scale of right poses; deviations at which half of a probability is left, and the share of
-these from which that is noted; one voxel of so many is looked at."""
-
 _REACH, _LAST_REACH, _REACHED = 3.0, 1.5, 5  # voxels, and the step from which the reach stays
 _STEPS, _STILL, _LEAST_PAIRS = 30, 1e-3, 50
 _CUT, _PER_MEDIAN, _LEAST_DEVIATION, _DAMPING = 4.685, 1.4826, 1e-3, 1e-6  # as for `align`

@@ -9,12 +9,10 @@ import numpy as np
 from cgroup.rigid.se3 import adjoint, cross, rotation_vectors
 from cgroup.types import FloatArray, IndexArray
 
+# Squared error above which two poses differ: quantile .999 of chi-squared with six degrees of freedom
 DISAGREES = 22.46
-"""Squared error above which two poses differ: quantile .999 of chi-squared with six degrees of freedom."""
-
+# Deviations of every pose beyond its covariance: radians, and voxels at the middle of the source
 TURN, SHIFT = np.radians(1.0), 0.5
-"""Deviations of every pose beyond its covariance: radians, and voxels at the middle of the source."""
-
 _BY_CHANCE = 0.02  # share of the triangles of wrong poses that close
 _SUREST, _LEAST = 0.99, 0.01
 _ROUNDS = 10

@@ -31,9 +31,8 @@ from cgroup.registration.result import merge_clouds
 from cgroup.types import AnyCloud, FloatArray, PointCloud
 from cgroup.types.point_cloud import as_cloud
 
+# Colours that are distinct for every common kind of colour vision
 _FIRST_COLORS = bytes.fromhex("E69F00 0072B2 009E73 CC79A7 56B4E9 D55E00 B8AC1B 7A5195")
-"""Colours that are distinct for every common kind of colour vision."""
-
 _GOLDEN = 0.618  # turn between the hues of consecutive scans, which keeps them apart
 
 POSE_FORMATS = (".tum", ".kitti", ".log")
