@@ -82,7 +82,7 @@ def test_a_scan_is_found_in_a_town(
     eye: tuple[float, float, float], whole: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if not whole:
-        monkeypatch.setattr(sys.modules["cgroup.maps.locate"], "WHOLE", 500)
+        monkeypatch.setattr(sys.modules["cgroup.maps.settings"], "WHOLE", 500)
     found = locate(scan_from(eye), place())
     assert [each.ok for each in found] == [True]
     np.testing.assert_allclose(origin_of(found[0].T_target_source), eye, atol=0.2)

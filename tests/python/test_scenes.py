@@ -16,7 +16,6 @@ from cgroup.registration import prepare
 from cgroup.rigid import invert
 from cgroup.scenes import register_all
 from cgroup.scenes.agreement import (
-    DISAGREES,
     find_triangles,
     rotation_vectors,
     squared_errors,
@@ -25,6 +24,7 @@ from cgroup.scenes.agreement import (
 from cgroup.scenes.decide import decide, drop_contradicted, drop_weak_bridges
 from cgroup.scenes.links import Link
 from cgroup.scenes.partners import _fisher_vector, choose_partners, describe_scans
+from cgroup.scenes.settings import DISAGREES
 from cgroup.types import PointCloud
 from reference import scenes as reference
 

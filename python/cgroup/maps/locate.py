@@ -21,8 +21,9 @@ from cgroup._runtime.workers import count_workers, work_side_by_side
 from cgroup.errors import InputError
 from cgroup.features import Cloud
 from cgroup.features.voxels import choose_thinning
+from cgroup.maps import settings
 from cgroup.maps.plan_view import Disk, find_layers
-from cgroup.maps.prepared_map import CELL, Level, PreparedMap
+from cgroup.maps.prepared_map import Level, PreparedMap
 from cgroup.registration import Registration
 from cgroup.registration.judge import (
     Case,
@@ -44,17 +45,6 @@ from cgroup.registration.search import EFFORTS, RIVALS, Effort, Search
 from cgroup.registration.similarity import compare_scales
 from cgroup.rigid import apply
 from cgroup.types import AnyCloud, BoolArray, FloatArray, IndexArray
-
-VOXELS = 1200  # approximate number of voxels of a scan
-# Least and most descriptors of a scan for comparing places; approximate number of comparisons
-COMPARED, COMPARISONS = (100, 400), 10**8
-WHOLE = 10_000  # largest number of voxels of a map that is registered as a whole
-# Number of places at a time; largest number of places from above, and by descriptors
-FIRST, FROM_ABOVE, ALIKE = 2, 4, 8
-ENOUGH = 4  # number of tried places from which an accepted pose suffices; before, it must be sure
-_SLACK = 2.0  # voxels that the origin may lie beyond its radius
-_WITHIN = 0.9  # share of a scan's voxels within its radius
-_FURTHER, _APART, _ALIKE = 1.5, 0.5, 0.7  # radii of a scan around a place, between places, compared
 
 
 @report_refused_memory()
@@ -112,7 +102,7 @@ def locate(
     given = as_given("scan", scan, as_viewpoint(viewpoint, view_direction), or_stored=True)
     search = Search("lc", {}, direction, effort, 1, clock)
     clock.start("voxels")
-    size = choose_thinning(given.whole.cloud, voxels=VOXELS, threads=threads)
+    size = choose_thinning(given.whole.cloud, voxels=settings.SCAN_VOXELS, threads=threads)
     fitting, finer = _levels_for(place, size)
 
     def look(level: Level) -> _Locating:
@@ -160,7 +150,7 @@ class _Locating:
         self._source, self._level, self._search = source, level, search
         points = source.voxels.points
         away = np.linalg.norm(points - source.scan.centroid, axis=1)
-        self._radius = float(np.quantile(away, _WITHIN))
+        self._radius = float(np.quantile(away, settings.WITHIN))
         self._candidates: list[_Candidate] = []
         self._chosen: list[_Place] = []
         self._choosing = self._places()
@@ -169,17 +159,17 @@ class _Locating:
         if around is not None:
             radius = self._radius if np.isnan(around.radius) else around.radius
             self._origins = around._replace(radius=radius)
-            reach = float(np.quantile(np.linalg.norm(points, axis=1), _WITHIN))
-            self._cells = level.around(around.middle, radius + reach + CELL * level.voxel)
+            reach = float(np.quantile(np.linalg.norm(points, axis=1), settings.WITHIN))
+            self._cells = level.around(around.middle, radius + reach + settings.CELL * level.voxel)
 
     def run(self, effort: Effort) -> list[Found]:
         """Register the scan to the most similar places until its pose is sure."""
         search, workers = replace(self._search, effort=effort), count_workers(self._source.threads)
         done: list[Found] = []
-        for tried in count(0, FIRST):
+        for tried in count(0, settings.AT_A_TIME):
             search.clock.start("places")
-            self._chosen += islice(self._choosing, max(tried + FIRST - len(self._chosen), 0))
-            some = self._chosen[tried : tried + FIRST]
+            self._chosen += islice(self._choosing, max(tried + settings.AT_A_TIME - len(self._chosen), 0))
+            some = self._chosen[tried : tried + settings.AT_A_TIME]
             if not some:
                 break
             search.clock.start("registration")
@@ -192,7 +182,7 @@ class _Locating:
                         _Candidate(pose, case, found) for pose, case in zip(poses, found.cases, strict=True)
                     ]
             done = self._weigh()
-            enough = is_accepted if tried + FIRST >= ENOUGH else is_sure
+            enough = is_accepted if tried + settings.AT_A_TIME >= settings.ENOUGH else is_sure
             if done and enough(done[0].probability):
                 break
         return done
@@ -202,7 +192,7 @@ class _Locating:
         if len(self._cells) == 0:
             return
         seen = self._poses_from_above()
-        if self._level.count(self._cells) <= WHOLE:
+        if self._level.count(self._cells) <= settings.WHOLE:
             yield _Place(self._cells, np.concatenate(seen) if seen else None)
             return
         middle = self._source.scan.centroid[None]
@@ -218,27 +208,27 @@ class _Locating:
         if plan is None or layers is None:
             return []
         seen = plan.propose(layers, self._origins, source.threads)
-        return list(islice((poses for poses in seen if self._may_be(poses).any()), FROM_ABOVE))
+        return list(islice((poses for poses in seen if self._may_be(poses).any()), settings.FROM_ABOVE))
 
     def _places_alike(self) -> Iterator[_Place]:
         """Yield separate places with descriptors similar to those of the scan."""
         described = self._source.described
         rows = default_rng(0).permutation(len(described))
         away = np.linalg.norm(described.points[rows] - described.centroid, axis=1)
-        most = int(np.clip(COMPARISONS / len(self._level.voxels), *COMPARED))
+        most = int(np.clip(settings.COMPARISONS / len(self._level.voxels), *settings.COMPARED))
         some = rows[away <= self._radius][:most]
-        unlike = self._level.compare(described.descriptors[some], _ALIKE * self._radius)
+        unlike = self._level.compare(described.descriptors[some], settings.COMPARED_WITHIN * self._radius)
         left = np.full_like(unlike, np.inf)
         left[self._cells] = unlike[self._cells]
-        for _ in range(ALIKE):
+        for _ in range(settings.ALIKE_PLACES):
             if not np.isfinite(left).any():
                 return
             middle = self._level.cells[int(np.argmin(left))]
-            left[self._level.around(middle, _APART * self._radius)] = np.inf
+            left[self._level.around(middle, settings.PLACES_APART * self._radius)] = np.inf
             yield _Place(self._cells_around(middle), None)
 
     def _cells_around(self, middle: FloatArray) -> IndexArray:
-        return self._level.around(middle, _FURTHER * self._radius)
+        return self._level.around(middle, settings.AROUND * self._radius)
 
     def _register(
         self, search: Search, place: _Place, stop_with_the_others: Callable[[], None]
@@ -255,7 +245,7 @@ class _Locating:
         if wanted is None:
             return np.ones(len(poses), dtype=bool)
         away = np.linalg.norm(poses[:, :3, 3] - wanted.middle, axis=1)
-        return away <= wanted.radius + _SLACK * self._source.voxel
+        return away <= wanted.radius + settings.SLACK * self._source.voxel
 
     def _weigh(self) -> list[Found]:
         """Share the probability among the poses of all places; return the best first."""

@@ -12,19 +12,8 @@ from numpy.typing import NDArray
 from cgroup import _core
 from cgroup._checks.values import run_options
 from cgroup._runtime.workers import cached_property
+from cgroup.maps import settings
 from cgroup.types import FloatArray, IndexArray
-
-_FLAT, _STEEP = 0.9, 0.3  # cosines of normals with the axis: of floors from, of walls up to
-_LEAST_FLAT, _LEAST_WALLS = 0.15, 30  # share of flat voxels, and number of wall voxels, that a plan needs
-_TURNS, _PARTS = 72, 3  # tried turns, and their subdivision in the fine search
-_COARSE = 2  # voxels of a coarse cell
-_OPEN = 0.7  # weight of open floor
-_CLOSELY = 300  # placements in the fine search
-_ROUNDS = 5  # of the search for the main direction of normals
-_MARGIN = 2  # cells between a map and the border
-_APART, _TURNED = 3.0, np.radians(17.0)  # voxels or angle between places
-_FLOOR_WITHIN = 10.0  # voxels from a place
-_LEAST_FLOOR, _MOST_FLOORS = 0.2, 4  # share of the largest floor's voxels that another has
 
 
 class Layers(NamedTuple):
@@ -43,8 +32,8 @@ def find_layers(points: FloatArray, normals: FloatArray, axis: FloatArray | None
     known = np.isfinite(normals).all(axis=1)
     up = _main_direction(normals[known]) if axis is None else axis
     cosines = np.abs(normals @ up)
-    flat, steep = known & (cosines > _FLAT), known & (cosines < _STEEP)
-    if flat.sum() < _LEAST_FLAT * known.sum() or steep.sum() < _LEAST_WALLS:
+    flat, steep = known & (cosines > settings.FLAT), known & (cosines < settings.STEEP)
+    if flat.sum() < settings.LEAST_FLAT * known.sum() or steep.sum() < settings.LEAST_WALLS:
         return None
     heights = points @ up
     if axis is None and heights.mean() < np.median(heights[flat]):
@@ -55,8 +44,8 @@ def find_layers(points: FloatArray, normals: FloatArray, axis: FloatArray | None
 
 def _main_direction(normals: FloatArray) -> FloatArray:
     direction = np.linalg.eigh(normals.T @ normals)[1][:, 2]
-    for _ in range(_ROUNDS):
-        near = normals[np.abs(normals @ direction) > _FLAT]
+    for _ in range(settings.DIRECTION_ROUNDS):
+        near = normals[np.abs(normals @ direction) > settings.FLAT]
         if len(near):
             direction = np.linalg.eigh(near.T @ near)[1][:, 2]
     return direction
@@ -95,14 +84,14 @@ class PlanView:
     @cached_property
     def _corner(self) -> FloatArray:
         both = np.concatenate([self.layers.walls, self.layers.floors])[:, :2]
-        return both.min(axis=0) - _MARGIN * self.voxel
+        return both.min(axis=0) - settings.MARGIN * self.voxel
 
     @cached_property
     def _walls(self) -> NDArray[np.uint8]:
         """2 at walls, 1 beside them; both sizes are multiples of a coarse cell."""
         cells = np.floor((self.layers.walls[:, :2] - self._corner) / self.voxel).astype(np.int64)
-        least = (cells.max(axis=0) + 1 + _MARGIN).tolist()
-        grid = np.zeros([-(-size // _COARSE) * _COARSE for size in least], np.uint8)
+        least = (cells.max(axis=0) + 1 + settings.MARGIN).tolist()
+        grid = np.zeros([-(-size // settings.COARSE) * settings.COARSE for size in least], np.uint8)
         grid[tuple(cells.T)] = 1
         near = grid.copy()
         for axis in (0, 1):
@@ -121,14 +110,17 @@ class PlanView:
         while left.any():
             first = int(np.argmax(left))
             yield self._poses_at(angles[first], places[first], middle, scan.turn)
-            beside = np.abs((angles - angles[first] + np.pi) % (2 * np.pi) - np.pi) <= _TURNED
-            left &= ~beside | (np.linalg.norm(places - places[first], axis=1) > _APART * self.voxel)
+            beside = np.abs((angles - angles[first] + np.pi) % (2 * np.pi) - np.pi) <= settings.TURNED
+            left &= ~beside | (np.linalg.norm(places - places[first], axis=1) > settings.APART * self.voxel)
 
     def _place_coarsely(self, outline: _Outline, within: Disk | None, threads: int | None) -> IndexArray:
         """Place walls and floor on coarse cells at all turns; return turns, rows and columns, (n,3)."""
-        turns, size = np.arange(0, _TURNS * _PARTS, _PARTS), _COARSE * self.voxel
-        height, width = (count // _COARSE for count in self._walls.shape)
-        coarse = self._walls.reshape(height, _COARSE, width, _COARSE).max(axis=(1, 3))
+        turns, size = (
+            np.arange(0, settings.TURNS * settings.TURN_PARTS, settings.TURN_PARTS),
+            settings.COARSE * self.voxel,
+        )
+        height, width = (count // settings.COARSE for count in self._walls.shape)
+        coarse = self._walls.reshape(height, settings.COARSE, width, settings.COARSE).max(axis=(1, 3))
         first, last = np.zeros((len(turns), 2)), np.tile([height, width], (len(turns), 1))
         if within is not None:
             turned = np.array([_turn(angle) @ outline.middle[:2] for angle in _angle(turns)])
@@ -136,20 +128,21 @@ class PlanView:
             first = np.floor((places - within.radius) / size).clip(0, last)
             last = np.ceil((places + within.radius) / size).clip(0, last)
         windows = np.column_stack([np.arange(len(turns)), first[:, 0], last[:, 0], first[:, 1], last[:, 1]])
-        found = self._place(coarse, size, outline, turns, windows, _CLOSELY, threads)
-        return found * (_PARTS, _COARSE, _COARSE)
+        found = self._place(coarse, size, outline, turns, windows, settings.CLOSELY, threads)
+        return found * (settings.TURN_PARTS, settings.COARSE, settings.COARSE)
 
     def _refine(
         self, outline: _Outline, rough: IndexArray, threads: int | None
     ) -> tuple[FloatArray, FloatArray]:
         """Score placements around coarse ones on fine cells; return angles and places, the best first."""
         near = (rough + np.array([[[-1, 0, 0]], [[0, 0, 0]], [[1, 0, 0]]])).reshape(-1, 3)
-        turns, numbers = np.unique(near[:, 0] % (_TURNS * _PARTS), return_inverse=True)
+        turns, numbers = np.unique(near[:, 0] % (settings.TURNS * settings.TURN_PARTS), return_inverse=True)
         sides = [
-            (near[:, [k]] + np.array([-1, _COARSE + 1])).clip(0, self._walls.shape[k - 1]) for k in (1, 2)
+            (near[:, [k]] + np.array([-1, settings.COARSE + 1])).clip(0, self._walls.shape[k - 1])
+            for k in (1, 2)
         ]
         windows = np.column_stack([numbers, *sides])
-        most = len(windows) * (_COARSE + 2) ** 2
+        most = len(windows) * (settings.COARSE + 2) ** 2
         found = self._place(self._walls, self.voxel, outline, turns, windows, most, threads)
         return _angle(turns[found[:, 0]]), self._corner + (found[:, 1:] + 0.5) * self.voxel
 
@@ -172,7 +165,7 @@ class PlanView:
             np.column_stack([np.cos(angles), np.sin(angles)]),
             windows.astype(np.int64),
             run_options(threads),
-            _OPEN,
+            settings.OPEN,
             most,
         )
 
@@ -182,12 +175,12 @@ class PlanView:
         """Return the poses at a place: one per floor of the map."""
         floors = self.layers.floors
         away = np.linalg.norm(floors[:, :2] - place, axis=1)
-        near = away < max(_FLOOR_WITHIN * self.voxel, float(away.min()) + self.voxel)
+        near = away < max(settings.FLOOR_WITHIN * self.voxel, float(away.min()) + self.voxel)
         heights = floors[near, 2]
         storeys, storey_of, counts = np.unique(
             np.floor(heights / (2 * self.voxel)), return_inverse=True, return_counts=True
         )
-        large = np.argsort(-counts)[:_MOST_FLOORS]
+        large = np.argsort(-counts)[: settings.MOST_FLOORS]
         around = np.eye(3)
         around[:2, :2] = _turn(angle)
         poses = np.tile(np.eye(4), (len(storeys), 1, 1))
@@ -195,7 +188,7 @@ class PlanView:
         for storey in large:
             at = np.array([*place, np.median(heights[storey_of == storey])])
             poses[storey, :3, 3] = self.layers.turn.T @ (at - around @ middle)
-        return poses[large[counts[large] >= _LEAST_FLOOR * counts.max()]]
+        return poses[large[counts[large] >= settings.LEAST_FLOOR * counts.max()]]
 
 
 def _turn(angle: float) -> FloatArray:
@@ -203,4 +196,4 @@ def _turn(angle: float) -> FloatArray:
 
 
 def _angle(part: IndexArray) -> FloatArray:
-    return 2 * np.pi * part / (_TURNS * _PARTS)
+    return 2 * np.pi * part / (settings.TURNS * settings.TURN_PARTS)

@@ -19,6 +19,7 @@ from cgroup._runtime.memory import report_refused_memory
 from cgroup._runtime.progress import as_stage_function, ignore_progress
 from cgroup.errors import InputError
 from cgroup.features import Cloud, DescribedCloud, Voxels
+from cgroup.maps import settings
 from cgroup.maps.map_files import load_arrays, not_a_map, save_arrays
 from cgroup.maps.plan_view import PlanView, find_layers
 from cgroup.registration import DenseFront, PreparedScan
@@ -26,13 +27,6 @@ from cgroup.registration.prepare import LEAST_VOXELS, UNIT, Preparation, assembl
 from cgroup.registration.scan import Scan, as_scan, as_surface, without_strays
 from cgroup.types import AnyCloud, FloatArray, IndexArray, PointCloud, RealArray
 
-CELL = 8.0  # edge length of the cells of a map, in voxels
-_STEP = 2**0.5  # from the voxel of one level to the next
-_SPACINGS = 4.0  # of the map's points in the finest voxel
-_COARSEST = 2000  # voxels of a map from which no coarser level is made
-_BETWEEN_POINTS = 1 / 3  # voxels, as the fine surface needs them
-_AT_ONCE = 50_000  # voxels that are compared at a time
-_PARTS = 4  # of a cell, that radii are rounded to
 _NOT_DESCRIBED = 1e9  # squared length in place of that of a descriptor
 _ARRAYS = "points", "voxels", "normals", "frames", "descriptors", "cells", "voxel_ends", "point_ends"
 
@@ -103,7 +97,7 @@ class Level:
         wanted = np.concatenate([-2 * descriptors, np.ones((len(descriptors), 1), np.float32)], axis=1).T
         nearest = np.empty((len(self.cells), len(descriptors)), np.float32)
         starts = np.concatenate([[0], self.voxel_ends])
-        for first, last in _batches(self.voxel_ends, _AT_ONCE):
+        for first, last in _batches(self.voxel_ends, settings.AT_ONCE):
             squares = self.descriptors[starts[first] : starts[last]] @ wanted
             for cell in range(first, last):  # np.minimum.reduceat takes ten times as long
                 some = squares[starts[cell] - starts[first] : starts[cell + 1] - starts[first]]
@@ -111,7 +105,7 @@ class Level:
         nearest += (descriptors**2).sum(axis=1)
         np.sqrt(np.maximum(nearest, 0, out=nearest), out=nearest)
         beside, found = self._beside(radius), np.empty_like(nearest)
-        size = max(_AT_ONCE // beside.shape[1], 1)
+        size = max(settings.AT_ONCE // beside.shape[1], 1)
         for first in range(0, len(beside), size):
             found[first : first + size] = nearest[beside[first : first + size]].min(axis=1)
         found /= np.maximum(np.median(found, axis=0), 1e-6)
@@ -119,12 +113,12 @@ class Level:
 
     def _beside(self, radius: float) -> IndexArray:
         """Return the cells within a radius of each cell, (C,k); the cell itself in place of an empty one."""
-        steps = round(_PARTS * radius / (CELL * self.voxel)) / _PARTS
+        steps = round(settings.CELL_PARTS * radius / (settings.CELL * self.voxel)) / settings.CELL_PARTS
         if steps not in self._neighbors:
             reach = np.arange(-int(steps), int(steps) + 1)
             offsets = np.stack(np.meshgrid(reach, reach, reach, indexing="ij"), axis=-1).reshape(-1, 3)
             offsets = offsets[(offsets**2).sum(axis=1) <= steps**2]
-            places: IndexArray = np.rint(self.cells / (CELL * self.voxel) - 0.5).astype(np.int64)
+            places: IndexArray = np.rint(self.cells / (settings.CELL * self.voxel) - 0.5).astype(np.int64)
             places -= places.min(axis=0) - int(steps)
             shape = places.max(axis=0) + int(steps) + 1
             numbers = np.asarray(np.ravel_multi_index(tuple(places.T), shape))
@@ -271,18 +265,18 @@ def prepare_map(
     if voxel is not None:
         size = as_length("voxel", voxel)
         return PreparedMap(given.points, [_describe(given, size, threads, begin)], size, threads)
-    size = _SPACINGS * features.resolution(given, threads=threads)
+    size = settings.SPACINGS * features.resolution(given, threads=threads)
     levels = [_describe(given, size, threads, begin)]
     with suppress(InputError):  # of voxels too coarse for planes
-        while len(levels[-1].voxels) > _COARSEST:
-            size *= _STEP
+        while len(levels[-1].voxels) > settings.COARSEST:
+            size *= settings.STEP
             levels.append(_describe(given, size, threads, begin))
     return PreparedMap(given.points, levels, threads=threads)
 
 
 def _describe(cloud: Cloud, voxel: float, threads: int | None, begin: Callable[[str], Any]) -> Level:
     begin(f"voxels of {voxel:.4g}")
-    thinned = features.voxel_downsample(cloud, _BETWEEN_POINTS * voxel, threads=threads)
+    thinned = features.voxel_downsample(cloud, settings.BETWEEN_POINTS * voxel, threads=threads)
     if len(thinned) < LEAST_VOXELS:
         left = f"{voxel:.4g}, which leaves {len(thinned)} points of a map that is {cloud.diagonal:.4g} across"
         raise InputError("voxel", left, "give a smaller one, or a map of more points")
@@ -290,7 +284,7 @@ def _describe(cloud: Cloud, voxel: float, threads: int | None, begin: Callable[[
     shared = Preparation(voxel, DenseFront(), threads)
     voxels = shared.thin(scan, ignore_progress)
     normals, frames, values = shared.describe(scan, voxels, None, ignore_progress, by_frames=True)
-    numbers, cells = _number_cells(voxels.points, CELL * voxel)
+    numbers, cells = _number_cells(voxels.points, settings.CELL * voxel)
     order = np.argsort(numbers, kind="stable")
     numbers_of_points = numbers[voxels.indices]
     points = in_double(thinned.points)[np.argsort(numbers_of_points, kind="stable")]

@@ -7,15 +7,8 @@ import itertools
 import numpy as np
 
 from cgroup.rigid.se3 import adjoint, cross, rotation_vectors
+from cgroup.scenes import settings
 from cgroup.types import FloatArray, IndexArray
-
-# Squared error above which two poses differ: quantile .999 of chi-squared with six degrees of freedom
-DISAGREES = 22.46
-# Deviations of every pose beyond its covariance: radians, and voxels at the middle of the source
-TURN, SHIFT = np.radians(1.0), 0.5
-_BY_CHANCE = 0.02  # share of the triangles of wrong poses that close
-_SUREST, _LEAST = 0.99, 0.01
-_ROUNDS = 10
 
 
 def squared_errors(
@@ -33,7 +26,7 @@ def squared_errors(
     change = np.tile(np.eye(6), (len(found), 1, 1))
     change[:, 3:, :3] = -cross(places)
     spread = change @ covariance @ change.transpose(0, 2, 1)
-    spread += np.diag([TURN**2] * 3 + [(SHIFT * voxel) ** 2] * 3)
+    spread += np.diag([settings.LEAST_TURN**2] * 3 + [(settings.LEAST_SHIFT * voxel) ** 2] * 3)
     return np.einsum("ni,ni->n", errors, np.linalg.solve(spread, errors[:, :, None])[:, :, 0])
 
 
@@ -72,7 +65,9 @@ def weigh_by_triangles(
     probability from the two scans alone, and the overlap of the surfaces. `middles` are those of all scans.
     """
     triangles = find_triangles(pairs, len(middles))
-    logits = np.log(np.clip(prior, _LEAST, _SUREST)) - np.log1p(-np.clip(prior, _LEAST, _SUREST))
+    logits = np.log(np.clip(prior, settings.LEAST_SURE, settings.SUREST)) - np.log1p(
+        -np.clip(prior, settings.LEAST_SURE, settings.SUREST)
+    )
     if len(triangles) == 0:
         return prior.copy()
     nodes = np.sort(pairs[triangles[:, 0]], axis=1)  # i < j
@@ -85,14 +80,14 @@ def weigh_by_triangles(
     (direct, one), (first, two), (second, three) = ways
     turned = adjoint(first)
     total = one + two + turned @ three @ turned.transpose(0, 2, 1)
-    closes = squared_errors(first @ second, direct, total, middles[j], voxel) < DISAGREES
+    closes = squared_errors(first @ second, direct, total, middles[j], voxel) < settings.DISAGREES
     beliefs = logits.copy()
-    for _ in range(_ROUNDS):
-        chances = np.clip(1.0 / (1.0 + np.exp(-beliefs)), 1e-6, _SUREST)
+    for _ in range(settings.BELIEF_ROUNDS):
+        chances = np.clip(1.0 / (1.0 + np.exp(-beliefs)), 1e-6, settings.SUREST)
         updated = logits.copy()
         for own, others in ((0, (1, 2)), (1, (0, 2)), (2, (0, 1))):
             both = chances[triangles[:, others[0]]] * chances[triangles[:, others[1]]]
-            alike = np.clip(overlap[triangles[:, others]].max(axis=1), _BY_CHANCE, 1.0)
+            alike = np.clip(overlap[triangles[:, others]].max(axis=1), settings.CLOSED_BY_CHANCE, 1.0)
             told = np.where(closes, np.log(both / alike + 1 - both), np.log1p(-both))
             np.add.at(updated, triangles[:, own], told)
         beliefs = np.clip(0.5 * (beliefs + updated), -30, 30)

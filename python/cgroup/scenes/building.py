@@ -14,8 +14,9 @@ from cgroup.registration.judge import SURE, is_accepted
 from cgroup.registration.search import Effort
 from cgroup.rigid import invert
 from cgroup.rigid.se3 import adjoint
-from cgroup.scenes.agreement import DISAGREES, SHIFT, TURN, weigh_by_triangles
-from cgroup.scenes.decide import FIRM, Decision, anchor, decide, follow_best, graph_of, weigh_residuals
+from cgroup.scenes import settings
+from cgroup.scenes.agreement import weigh_by_triangles
+from cgroup.scenes.decide import Decision, anchor, decide, follow_best, graph_of, weigh_residuals
 from cgroup.scenes.join import Join, cross_tasks, link_unions, propose_joins, task_of, weigh_join
 from cgroup.scenes.links import Link, link, weigh_pose
 from cgroup.scenes.partners import choose_partners, describe_scans
@@ -23,14 +24,6 @@ from cgroup.scenes.refine import find_overlapping, refine_on_unions, refine_pair
 from cgroup.scenes.scene import Edge, Scene
 from cgroup.scenes.workers import CallEach
 from cgroup.types import FloatArray
-
-ALL_PAIRS = 20  # largest number of scans of which every pair is tried
-PARTNERS, BUDGET = 6, 8  # first partners of each scan, and largest number of pairs per scan
-_MORE = 2  # partners of each scan that are tried in each further round
-_JOINS, _UNIONS = 3, 3  # rounds of joining components, and of refining each scan on the others
-_TURN, _SHIFT = np.radians(3.0), 2.0  # deviations of odometry: radians, voxels
-_REJECTED = 0.05  # probability of a pose on the surfaces below which its link is rejected
-_EXACT = 0.2  # share of the least deviations of links after joint refinement
 
 
 class SceneBuilder:
@@ -65,7 +58,7 @@ class SceneBuilder:
             rejected = [
                 pair
                 for pair, found in zip(unseen, weighed, strict=True)
-                if found is None or found.probability < _REJECTED
+                if found is None or found.probability < settings.REJECTED
             ]
             if not rejected:
                 return decision
@@ -79,7 +72,7 @@ class SceneBuilder:
         self._clock.start("pairs")
         if odometry is not None:
             self._follow_odometry(odometry)
-        if wanted is None and count <= ALL_PAIRS:
+        if wanted is None and count <= settings.ALL_PAIRS:
             wanted = [(one, other) for one in range(count) for other in range(one)]
         if wanted is None:
             self._register_alike()
@@ -91,12 +84,12 @@ class SceneBuilder:
         """Register each scan with the most similar ones, then unlinked ones within the budget."""
         vectors = describe_scans(self.scans)
         similarity = vectors @ vectors.T
-        wanted = choose_partners(similarity, self._tried, None, PARTNERS)
+        wanted = choose_partners(similarity, self._tried, None, settings.FIRST_PARTNERS)
         while wanted:
             self._register(wanted)
             labels = self._decide().labels.tolist()
-            left = BUDGET * len(self.scans) - len(self._tried)
-            wanted = choose_partners(similarity, self._tried, labels, _MORE)[: max(left, 0)]
+            left = settings.BUDGET * len(self.scans) - len(self._tried)
+            wanted = choose_partners(similarity, self._tried, labels, settings.MORE_PARTNERS)[: max(left, 0)]
 
     def _register(self, pairs: Sequence[tuple[int, int]], proposed: FloatArray | None = None) -> None:
         starts = [None] * len(pairs) if proposed is None else [pose[None] for pose in proposed]
@@ -111,7 +104,7 @@ class SceneBuilder:
         pairs = [(row, row - 1) for row in range(1, len(self.scans))]
         moved = np.array([invert(odometry[target]) @ odometry[source] for source, target in pairs])
         self._register(pairs, moved)
-        spread = np.diag([_TURN**2] * 3 + [(_SHIFT * self._voxel) ** 2] * 3)
+        spread = np.diag([settings.ODOMETRY_TURN**2] * 3 + [(settings.ODOMETRY_SHIFT * self._voxel) ** 2] * 3)
         for pair, pose in zip(pairs, moved, strict=True):
             found = self._links.get(pair)
             if found is None or not found.is_accepted:
@@ -127,9 +120,11 @@ class SceneBuilder:
         grown._tried, grown._seen, grown._firm = set(self._tried), set(self._seen), set(self._firm)
         row = len(self.scans)
         order = list(range(row))
-        if row >= ALL_PAIRS:
+        if row >= settings.ALL_PAIRS:
             vectors = describe_scans(grown.scans)
-            order = np.argsort(-(vectors @ vectors[row])[:row], kind="stable")[: 2 * PARTNERS].tolist()
+            order = np.argsort(-(vectors @ vectors[row])[:row], kind="stable")[
+                : 2 * settings.FIRST_PARTNERS
+            ].tolist()
         clock.start("pairs")
         grown._register([(row, other) for other in order])
         grown._decision = grown._decide()
@@ -141,7 +136,7 @@ class SceneBuilder:
         """Join components by the unions of their scans."""
         self._clock.start("joins")
         asked: set[tuple[tuple[int, ...], tuple[int, ...]]] = set()
-        for _ in range(_JOINS):
+        for _ in range(settings.JOIN_ROUNDS):
             proposed = propose_joins(self._links, self._decision, self._middles, self._voxel)
             joins = [join for join in proposed if join.parts not in asked][: len(self.scans)]
             asked.update(join.parts for join in joins)
@@ -181,13 +176,13 @@ class SceneBuilder:
         """Join components, refine all scans together, and return the scene."""
         self._join()
         self._clock.start("refinement")
-        agreeing = {pair for pair, error in self._residuals().items() if error < DISAGREES}
+        agreeing = {pair for pair, error in self._residuals().items() if error < settings.DISAGREES}
         kept = self._weigh_kept(sorted({*agreeing, *self._decision.kept}))
         pairs = find_overlapping(self.scans, self._decision, kept)
         refined = refine_pairs(self._call, pairs, self._decision, self._middles, self._voxel)
         refined = {pair: self._links[pair] for pair in kept} | refined
         self._move(self._graph(refined))
-        for _ in range(_UNIONS):
+        for _ in range(settings.UNION_ROUNDS):
             self._move(refine_on_unions(self._call, sorted(refined), self._decision))
         graph = self._graph(refined)
         covariance = np.zeros((len(self.scans), 6, 6))
@@ -224,7 +219,7 @@ class SceneBuilder:
             np.array([refined[pair].covariance for pair in rows]).reshape(-1, 6, 6),
             np.full(len(rows), SURE),
             self._middles,
-            (_EXACT * TURN, _EXACT * SHIFT * self._voxel),
+            (settings.EXACT * settings.LEAST_TURN, settings.EXACT * settings.LEAST_SHIFT * self._voxel),
         )
 
     def _weigh_kept(self, kept: Sequence[tuple[int, int]]) -> dict[tuple[int, int], float]:
@@ -253,7 +248,7 @@ class SceneBuilder:
             if not is_accepted(chance):
                 continue
             residual = residuals[pair] ** 0.5 if pair in residuals else np.nan
-            is_doubtful = np.isnan(residual) and chance < FIRM
+            is_doubtful = np.isnan(residual) and chance < settings.FIRM
             reason = "doubtful poses join no components" if is_doubtful else "the other scans contradict it"
             edges.append(
                 Edge(

@@ -12,13 +12,10 @@ from cgroup.registration.covariance import covariance_in
 from cgroup.registration.judge import ACCEPTED
 from cgroup.rigid import invert
 from cgroup.rigid.se3 import about
-from cgroup.scenes.agreement import SHIFT, TURN, squared_errors, weigh_by_triangles
+from cgroup.scenes import settings
+from cgroup.scenes.agreement import squared_errors, weigh_by_triangles
 from cgroup.scenes.links import Link
 from cgroup.types import BoolArray, FloatArray, IndexArray
-
-FIRM = 0.9  # least joint probability of the links between two parts that connects them
-_LARGEST_CHANCE = 1 - 1e-6  # above, an edge would be trusted against all others
-_MOST_NATS = 10.0  # evidence of other links
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,16 +59,28 @@ def decide(
     posterior = weigh_by_triangles(pairs, measured, spread, prior, overlap, middles, voxel)
     likely = posterior >= ACCEPTED
     start, _, _ = follow_best(pairs[likely], measured[likely], posterior[likely], count)
-    graph = graph_of(start, pairs, measured, spread, posterior, middles, (TURN, SHIFT * voxel)).optimize(
-        robust=True, start="given"
-    )
+    graph = graph_of(
+        start,
+        pairs,
+        measured,
+        spread,
+        posterior,
+        middles,
+        (settings.LEAST_TURN, settings.LEAST_SHIFT * voxel),
+    ).optimize(robust=True, start="given")
     kept = graph.kept & likely
     kept = drop_contradicted(pairs, kept, prior, posterior, count)
-    is_firm = (prior >= FIRM) | np.array([pair in firm for pair in rows], dtype=bool)
+    is_firm = (prior >= settings.FIRM) | np.array([pair in firm for pair in rows], dtype=bool)
     kept[kept] = drop_weak_bridges(pairs[kept], prior[kept], is_firm[kept], count)
     poses, labels, _ = follow_best(pairs[kept], measured[kept], posterior[kept], count)
     graph = graph_of(
-        poses, pairs[kept], measured[kept], spread[kept], posterior[kept], middles, (TURN, SHIFT * voxel)
+        poses,
+        pairs[kept],
+        measured[kept],
+        spread[kept],
+        posterior[kept],
+        middles,
+        (settings.LEAST_TURN, settings.LEAST_SHIFT * voxel),
     )
     poses = anchor(graph.optimize(start="given").poses, labels)
     selected = {rows[row]: float(posterior[row]) for row in np.flatnonzero(kept)}
@@ -95,7 +104,7 @@ def graph_of(
         floor = change @ np.diag([least[0] ** 2] * 3 + [least[1] ** 2] * 3) @ change.T
         inverse = np.linalg.inv(own + floor)
         information[row] = (inverse + inverse.T) / 2
-    trusted = np.minimum(chances, _LARGEST_CHANCE)
+    trusted = np.minimum(chances, settings.LARGEST_CHANCE)
     return PoseGraph(poses, pairs[:, ::-1], measured, information, trusted)
 
 
@@ -131,7 +140,7 @@ def drop_contradicted(
     pairs: IndexArray, kept: BoolArray, prior: FloatArray, posterior: FloatArray, count: int
 ) -> BoolArray:
     """Drop all links of scans whose rejected links outweigh the evidence for their kept ones."""
-    balance = np.where(kept, np.minimum(log_odds(posterior), _MOST_NATS), -log_odds(prior))
+    balance = np.where(kept, np.minimum(log_odds(posterior), settings.MOST_NATS), -log_odds(prior))
     sums = np.bincount(pairs.ravel(), np.repeat(balance, 2), count)
     return kept & (sums[pairs] > 0).all(axis=1)
 
@@ -148,7 +157,7 @@ def drop_weak_bridges(pairs: IndexArray, prior: FloatArray, firm: BoolArray, cou
     while True:
         sums = _sum_independent(np.sort(labels[pairs], axis=1), pairs, nats)
         parts = max(sums, key=lambda both: sums[both], default=None)
-        if parts is None or sums[parts] < log_odds(np.array(FIRM)):
+        if parts is None or sums[parts] < log_odds(np.array(settings.FIRM)):
             break
         labels[labels == parts[1]] = parts[0]
     single = np.bincount(labels, minlength=count)[labels] == 1
@@ -180,7 +189,7 @@ def _sum_independent(sides: IndexArray, pairs: IndexArray, nats: FloatArray) -> 
 
 def log_odds(chances: FloatArray) -> FloatArray:
     """Return the log-odds of probabilities, which are bounded away from 0 and 1."""
-    bounded = np.clip(chances, 1 - _LARGEST_CHANCE, _LARGEST_CHANCE)
+    bounded = np.clip(chances, 1 - settings.LARGEST_CHANCE, settings.LARGEST_CHANCE)
     return np.log(bounded / (1 - bounded))
 
 

@@ -15,20 +15,11 @@ from cgroup.registration.prepare import Preparation
 from cgroup.registration.scan import as_scan
 from cgroup.registration.search import Effort
 from cgroup.rigid import apply, invert
+from cgroup.scenes import settings
 from cgroup.scenes.decide import Decision, log_odds
 from cgroup.scenes.kept_links import Task
 from cgroup.scenes.links import Link, link
 from cgroup.types import FloatArray, PointCloud
-
-IN_A_UNION = 8  # number of scans in a union around one scan
-
-_LEAST_CHANCE = 0.005
-_NEAR, _ALIKE = 3.0, np.radians(5)  # voxels and angle within which two poses agree
-_AGREEING = 0.1  # weight of a pose that agrees with another, beside its chance
-_FINEST = 1 / 3  # voxels between the points of a union, as its fine surface needs them
-_PROPOSED = 3
-_TELLING = 0.3  # overlap from which a pair that does not fit counts against a join
-_MOST_NATS, _MOST_NATS_OF_UNIONS = 2.0, 10.0
 
 
 class Join(NamedTuple):
@@ -51,8 +42,10 @@ def merge_scans(scans: Sequence[PreparedScan], poses: FloatArray) -> PreparedSca
     first = scans[0]
     if len(scans) == 1:
         return first
-    moved = [apply(pose, scan.thinned(_FINEST)) for scan, pose in zip(scans, poses, strict=True)]
-    thinned = features.voxel_downsample(np.concatenate(moved), _FINEST * first.voxel, threads=1).points
+    moved = [apply(pose, scan.thinned(settings.FINEST)) for scan, pose in zip(scans, poses, strict=True)]
+    thinned = features.voxel_downsample(
+        np.concatenate(moved), settings.FINEST * first.voxel, threads=1
+    ).points
     shared = Preparation(first.voxel, first.front, 1)
     return shared.prepare(as_scan("scans", PointCloud(thinned)), None, ignore_progress, by_frames=True)
 
@@ -79,7 +72,7 @@ def propose_joins(
         if one == other or sizes[one] + sizes[other] == 2:  # two single scans show what their pair does
             continue
         for pose, chance in zip(found.poses, found.chances.tolist(), strict=True):
-            if chance < _LEAST_CHANCE:
+            if chance < settings.LEAST_CHANCE:
                 continue
             between = decision.poses[target] @ pose @ invert(decision.poses[source])
             way = (source, target, between) if one > other else (target, source, invert(between))
@@ -103,7 +96,7 @@ def _join_of(
     center = apply(decision.poses[first], middles[first][None])[0]
     support = _support(poses, chances, center, voxel)
     apart = choose_apart(poses, center, voxel)
-    best = sorted(apart, key=lambda row: -support[row])[:_PROPOSED]
+    best = sorted(apart, key=lambda row: -support[row])[: settings.PROPOSED]
     source, target = some[best[0]][1]
     back, onwards = invert(decision.poses[target]), decision.poses[source]
     proposed = np.array([back @ poses[row] @ onwards for row in best])
@@ -114,9 +107,11 @@ def _join_of(
 def _support(poses: FloatArray, chances: FloatArray, center: FloatArray, voxel: float) -> FloatArray:
     """Sum the chances of the poses around each; poses that agree count more than alone."""
     landed = poses[:, :3, :3] @ center + poses[:, :3, 3]
-    near = np.linalg.norm(landed[:, None] - landed, axis=2) < _NEAR * voxel
+    near = np.linalg.norm(landed[:, None] - landed, axis=2) < settings.NEAR * voxel
     turns = np.einsum("nij,mij->nm", poses[:, :3, :3], poses[:, :3, :3])
-    return (near & (turns > 1 + 2 * np.cos(_ALIKE))) @ (chances + _AGREEING) - _AGREEING
+    return (near & (turns > 1 + 2 * np.cos(settings.ALIKE))) @ (
+        chances + settings.AGREEING
+    ) - settings.AGREEING
 
 
 def gather_around(scan: int, decision: Decision, middles: FloatArray) -> list[int]:
@@ -127,7 +122,7 @@ def gather_around(scan: int, decision: Decision, middles: FloatArray) -> list[in
     )
     away = np.linalg.norm(places - places[rows == scan], axis=1)
     away[rows == scan] = -1.0
-    return rows[np.argsort(away, kind="stable")[:IN_A_UNION]].tolist()
+    return rows[np.argsort(away, kind="stable")[: settings.IN_A_UNION]].tolist()
 
 
 def task_of(join: Join, decision: Decision, axis: FloatArray | None, effort: Effort) -> Task:
@@ -161,13 +156,17 @@ def weigh_join(union: Link, across: Sequence[Sequence[Link | None]]) -> float:
     """
     known = [[found for found in some if found is not None] for some in across]
     best = np.array([max((found.probability for found in some), default=0.0) for some in known])
-    weights = union.chances * np.maximum(best, _LEAST_CHANCE)
+    weights = union.chances * np.maximum(best, settings.LEAST_CHANCE)
     among = union.chances.sum() * weights[0] / weights.sum()
     against = sum(
-        nats if found.overlap >= _TELLING else max(nats, 0.0)
-        for found, nats in ((found, _bounded_odds(found.probability, _MOST_NATS)) for found in known[0])
+        nats if found.overlap >= settings.TELLING else max(nats, 0.0)
+        for found, nats in (
+            (found, _bounded_odds(found.probability, settings.MOST_NATS_AGAINST)) for found in known[0]
+        )
     )
-    return float(1.0 / (1.0 + np.exp(-_bounded_odds(among, _MOST_NATS_OF_UNIONS) - min(against, 0.0))))
+    return float(
+        1.0 / (1.0 + np.exp(-_bounded_odds(among, settings.MOST_NATS_OF_UNIONS) - min(against, 0.0)))
+    )
 
 
 def _bounded_odds(probability: float, most: float) -> float:

@@ -8,12 +8,8 @@ import numpy as np
 from numpy.random import default_rng
 
 from cgroup.registration import PreparedScan
+from cgroup.scenes import settings
 from cgroup.types import FloatArray
-
-_COMPONENTS, _DIMENSIONS = 64, 16
-_TRAINING, _OF_EACH = 20_000, 1500  # descriptors of all scans that the mixture is fitted to; of one scan
-_ROUNDS = 15
-_LEAST_VARIANCE = 0.05
 
 
 def describe_scans(scans: Sequence[PreparedScan]) -> FloatArray:
@@ -27,24 +23,29 @@ def describe_scans(scans: Sequence[PreparedScan]) -> FloatArray:
     rng = default_rng(0)
     mixed = any(scan.by_frames for scan in scans)
     found = [(scan.turned_by_frames if mixed else scan).described.descriptors for scan in scans]
-    drawn = [values[rng.permutation(len(values))[:_OF_EACH]].astype(np.float64) for values in found]
-    training = np.concatenate([values[: max(_TRAINING // len(drawn), 50)] for values in drawn])
+    drawn = [
+        values[rng.permutation(len(values))[: settings.TRAINING_OF_EACH]].astype(np.float64)
+        for values in found
+    ]
+    training = np.concatenate([values[: max(settings.TRAINING // len(drawn), 50)] for values in drawn])
     mean, deviation = training.mean(axis=0), training.std(axis=0) + 1e-9
     _, sizes, axes = np.linalg.svd((training - mean) / deviation, full_matrices=False)
-    axes = (axes[:_DIMENSIONS] / (sizes[:_DIMENSIONS, None] / np.sqrt(len(training)) + 1e-3)).T
+    axes = (
+        axes[: settings.DIMENSIONS] / (sizes[: settings.DIMENSIONS, None] / np.sqrt(len(training)) + 1e-3)
+    ).T
     mixture = _fit_mixture(((training - mean) / deviation) @ axes, rng)
     return np.array([_fisher_vector(((values - mean) / deviation) @ axes, *mixture) for values in drawn])
 
 
 def _fit_mixture(values: FloatArray, rng: np.random.Generator) -> tuple[FloatArray, FloatArray, FloatArray]:
-    count = min(_COMPONENTS, len(values))
+    count = min(settings.GAUSSIANS, len(values))
     means = values[rng.choice(len(values), count, replace=False)]
     variances, weights = np.ones_like(means), np.full(count, 1.0 / count)
-    for _ in range(_ROUNDS):
+    for _ in range(settings.MIXTURE_ROUNDS):
         sums, first, second = _moments(values, weights, means, variances)
         sums += 1e-9
         means = first / sums
-        variances = np.maximum(second / sums - means**2, _LEAST_VARIANCE)
+        variances = np.maximum(second / sums - means**2, settings.LEAST_VARIANCE)
         weights = sums[:, 0] / sums.sum()
     return weights, means, variances
 

@@ -14,17 +14,13 @@ from cgroup.registration import PreparedScan
 from cgroup.registration.covariance import LEAST_DEVIATION
 from cgroup.registration.prepare import FINE
 from cgroup.rigid import apply
-from cgroup.scenes.agreement import DISAGREES, squared_errors
+from cgroup.scenes import settings
+from cgroup.scenes.agreement import squared_errors
 from cgroup.scenes.decide import Decision
 from cgroup.scenes.links import Link, confirm
 from cgroup.scenes.workers import CallEach
 from cgroup.types import FloatArray
 from cgroup.verification import FineSurface, align
-
-PARTNERS = 6  # largest number of partners of each scan, by overlap
-_CELL = 3.0  # voxels within which two scans overlap
-_HELD = 1e-4  # share of the weight of all pairs that holds open motions
-_LEAST_SHARED, _LEAST_FITNESS = 0.15, 0.1
 
 
 def find_overlapping(
@@ -35,7 +31,7 @@ def find_overlapping(
     sizes = np.zeros(len(scans))
     for row, scan in enumerate(scans):
         placed = apply(decision.poses[row], scan.voxels.points)
-        cells = np.unique(np.floor(placed / (_CELL * scan.voxel)).astype(np.int64), axis=0)
+        cells = np.unique(np.floor(placed / (settings.CELL * scan.voxel)).astype(np.int64), axis=0)
         sizes[row] = len(cells)
         label = int(decision.labels[row])
         for cell in cells.tolist():
@@ -46,12 +42,12 @@ def find_overlapping(
     partners: dict[int, list[tuple[float, int]]] = defaultdict(list)
     for (one, other), cells in shared.items():
         share = cells / min(sizes[one], sizes[other])
-        if share >= _LEAST_SHARED:
+        if share >= settings.LEAST_SHARED:
             partners[one].append((share, other))
             partners[other].append((share, one))
     chosen = set(kept)
     for one, others in partners.items():
-        for _, other in sorted(others, reverse=True)[:PARTNERS]:
+        for _, other in sorted(others, reverse=True)[: settings.REFINED_PARTNERS]:
             if (min(one, other), max(one, other)) not in chosen:
                 chosen.add((max(one, other), min(one, other)))
     return sorted(chosen)
@@ -76,7 +72,8 @@ def refine_pairs(
     return {
         pairs[row]: found[row]
         for row, error in zip(rows, errors.tolist(), strict=True)
-        if error < DISAGREES and min(found[row].fitness, found[row].target_fitness) >= _LEAST_FITNESS
+        if error < settings.DISAGREES
+        and min(found[row].fitness, found[row].target_fitness) >= settings.LEAST_FITNESS
     }
 
 
@@ -129,7 +126,7 @@ def refine_on_union(*scans_and_poses: Any) -> tuple[FloatArray, FloatArray] | No
         if len(found.residuals) == 0:
             return None
         noise = found.rmse**2 + (LEAST_DEVIATION * first.voxel) ** 2
-        weight = _HELD * float(np.trace(found.information[3:, 3:]))
+        weight = settings.HELD * float(np.trace(found.information[3:, 3:]))
         held = weight * np.diag([first.voxel**2] * 3 + [1.0] * 3)
         return found.T_target_source, (found.information + held) / noise
     return None
