@@ -117,17 +117,6 @@ def group_many(
     -------
     list of Grouping
         In the order of the problems.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cgroup import group_many
-    >>> from cgroup.datasets import make_problem
-    >>> rng = np.random.default_rng(0)
-    >>> problems = [make_problem(rng, 300).correspondences() for _ in range(4)]
-    >>> groups = group_many(problems, "gc")
-    >>> len(groups), groups[0].mask.shape
-    (4, (300,))
     """
     given = as_items("problems", problems, "give several Correspondences")
     for row, problem in enumerate(given):

@@ -74,10 +74,7 @@ def shot_lrf(
     >>> from cgroup.datasets import standin_pair
     >>> points = standin_pair(pixels=60).source.points
     >>> pr = features.resolution(points)
-    >>> frames = features.shot_lrf(points, [0, 500], radius=15 * pr)
-    >>> frames.shape
-    (2, 3, 3)
-    >>> x, y, z = frames[0]
+    >>> x, y, z = features.shot_lrf(points, [500], radius=15 * pr)[0]
     >>> bool(np.allclose(np.cross(x, y), z))
     True
     """

@@ -34,16 +34,6 @@ def sample_mesh(mesh: AnyCloud, *, spacing: float | None = None) -> PointCloud:
     -------
     PointCloud
         Points and unit normals, which point outwards where the mesh is closed; the vertices come first.
-
-    Examples
-    --------
-    >>> from cgroup import features
-    >>> from cgroup.io import PointCloud
-    >>> corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
-    >>> faces = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]
-    >>> sampled = features.sample_mesh(PointCloud(corners, faces=faces), spacing=0.1)
-    >>> len(sampled) > 200, bool((abs(sampled.normals[0]) > 0.5).all())
-    (True, True)
     """
     cloud = as_cloud("mesh", mesh)
     size = None if spacing is None else as_length("spacing", spacing)

@@ -54,13 +54,8 @@ class _Line(NamedTuple):
 class Results:
     """The files that runs of a kind leave in a folder.
 
-    Parameters
-    ----------
-    folder : path
-        Where they are written.
-    by : str
-        What writes them, such as "merge" or "register source_on_target": the next such run removes what it
-        doesn't write again.
+    `by` names the kind, such as "merge" or "register source_on_target": the next such run removes what it
+    doesn't write again.
     """
 
     def __init__(self, folder: Path, by: str) -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Literal
 
 # Importing these declares the methods.
-from cgroup.methods import group_based, individual, modern  # noqa: F401  # pyright: ignore[reportUnusedImport]
+from cgroup.methods import modern, paper  # noqa: F401  # pyright: ignore[reportUnusedImport]
 from cgroup.methods._declare import DECLARED, DESCRIBED
 
 METHOD_INFO = {name: DECLARED[name] for name in DESCRIBED}

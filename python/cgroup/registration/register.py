@@ -324,8 +324,7 @@ def refine(
     given = check_rigid(T_target_source, "T_target_source")
     both = as_viewpoint(viewpoint, view_direction)
     places = [both if own is None else own for own in (source_viewpoint, target_viewpoint)]
-    how = {"with_descriptors": False}
-    scans = _prepare_both((source, target), places, voxel, None, workers, clock, **how)
+    scans = _prepare_both((source, target), places, voxel, None, workers, clock, with_descriptors=False)
     clock.start("verification")
     verified = verify(scans[0].surface, scans[1].surface, given, threads=workers)
     clock.start("refinement")

@@ -232,13 +232,13 @@ class Registration:
 
     def _repr_html_(self) -> str:
         answer = "the pose can be trusted" if self.ok else "the pose can't be trusted"
-        together = f"{self.grouping.size} of {len(self.correspondences)} that the pose lays together"
+        together = f"{self.grouping.size} of {len(self.correspondences)} that agree with the pose"
         shares = [f"{100 * share:.0f} %" for share in (self.fitness, self.target_fitness)]
         rows = [
             ("probability", f"{self.probability:.3f}"),
             (
                 "overlap",
-                f"{shares[0]} of the source lies on the target, {shares[1]} of the target on the source",
+                f"{shares[0]} of the source overlaps the target, {shares[1]} of the target the source",
             ),
             ("residual", f"{self.inlier_rmse:.3g} there"),
             ("matches", together),

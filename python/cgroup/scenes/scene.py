@@ -235,13 +235,10 @@ class Scene:
         Parameters
         ----------
         path : path-like
-            The suffix selects the format. ``.tum``: a line per scan, its row in `scans` instead of the time,
-            then tx ty tz qx qy qz qw. ``.kitti``: a line of 12 numbers per scan, in the order of
-            `components`. ``.log``: Redwood's trajectory, per scan a line with its row twice and the next
-            number, then the 4x4 matrix. ``.g2o``: the graph of kept edges, nodes numbered by row.
-            ``.json``: the same as Open3D's PoseGraph, nodes in the order of their rows. ``.ply``, ``.pcd``:
-            the cloud of `merged`. All but the clouds have the names of the scans by row: as comments, in JSON
-            under ``scans``, and for KITTI and Redwood in a second file such as ``poses.kitti.names``.
+            The suffix selects the format. Poses: ``.tum`` (rows of `scans` instead of times), ``.kitti`` (in
+            the order of `components`), ``.log`` (Redwood). The graph of kept edges: ``.g2o``, ``.json``
+            (Open3D). The cloud of `merged`: ``.ply``, ``.pcd``. All but the clouds have the names of the
+            scans by row; KITTI's and Redwood's are in a second file such as ``poses.kitti.names``.
         component : int
             Row of `components`.
         """
