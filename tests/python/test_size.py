@@ -18,14 +18,14 @@ MOST_LINES = {
     "cli/": 3_700,
     "datasets/": 3_700,
     "evaluation/": 1_700,
-    "features/": 1_500,
-    "io/": 2_500,
-    "maps/": 1_000,
-    "methods/": 1_100,
+    "features/": 1_250,
+    "io/": 2_200,
+    "maps/": 940,
+    "methods/": 990,
     "pages/": 1_400,
     "plots/": 1_600,
-    "registration/": 5_200,
-    "scenes/": 2_100,
+    "registration/": 4_890,
+    "scenes/": 1_980,
 }
 """Lines of the package and of its rooms, with docstrings and blank lines."""
 
@@ -40,8 +40,6 @@ _OPTIONS = "each parameter is a documented option"
 
 LONG_FILES = {
     "cli/commands/benchmark.py": "six subcommands with their options",
-    "registration/judge.py": _MOVES,
-    "registration/paper_front.py": _MOVES,
     "registration/prepare.py": _MOVES,
     "registration/register.py": _MOVES,
 }

@@ -144,11 +144,7 @@ def is_sure(probability: float) -> bool:
 def rank(
     scores: FloatArray, evidence: IndexArray, alignments: Sequence[Alignment], voxel: float
 ) -> FloatArray:
-    """Return the value of each pose, higher is better: ``ln s + 0.75 ln(1 + min(m, 20)) - 3 ln(c + 0.1)``.
-
-    s is the score of the surfaces, m the number of matches that agree with the pose, and c the 9th decile of
-    the distances between the fine surfaces over the deviation by noise and curvature (`misfit`).
-    """
+    """Return the value of each pose, higher is better, from its score, agreeing matches and residuals."""
     misfits = np.array([misfit(found, voxel) for found in alignments])
     support = np.log1p(np.minimum(evidence, MOST_MATCHES))
     known = len(alignments)

@@ -70,9 +70,7 @@ def register(
     `front`, `matches`, `descriptors` and `initial` can be given.
 
     The result does not depend on the frames of the clouds, the order of their points, their unit, or their
-    roles, beyond rounding: grids and samples follow each cloud's own axes. Rounding can decide where the
-    probability is near 0.5, and for shapes without axes of their own, such as a ball, a cube or a disk. With
-    the paper's front, `matches` or `descriptors`, order and roles count too.
+    roles, beyond rounding. With the paper's front, `matches` or `descriptors`, order and roles count.
 
     Parameters
     ----------
