@@ -15,22 +15,19 @@ ODOMETRY_TURN, ODOMETRY_SHIFT = np.radians(3.0), 2.0  # standard deviations of o
 
 # --- consistency: agreement, decide
 DISAGREES = (
-    22.46  # squared error above which two poses differ: quantile .999 of chi-squared, 6 degrees of freedom
+    22.46  # squared error above which poses differ: quantile .999 of chi-squared, 6 degrees of freedom
 )
-LEAST_TURN, LEAST_SHIFT = (
-    np.radians(1.0),
-    0.5,
-)  # deviations beyond the covariance, at the middle of the source
+LEAST_TURN, LEAST_SHIFT = np.radians(1.0), 0.5  # deviations beyond the covariance, at the source's middle
 CLOSED_BY_CHANCE = 0.02  # share of the triangles of wrong poses that close
 SUREST, LEAST_SURE = 0.99, 0.01  # bounds of probabilities
 BELIEF_ROUNDS = 10  # of loopy belief propagation
 FIRM = 0.9  # least joint probability of the links between two parts that connects them
 LARGEST_CHANCE = 1 - 1e-6  # above, an edge would be trusted against all others
-MOST_NATS = 10.0  # evidence of other links
+MOST_NATS = 10.0  # largest evidence for a link from the others
 REJECTED = 0.05  # probability of a pose on the surfaces below which its link is rejected
 
 # --- unions: join
-JOIN_ROUNDS = 3
+JOIN_ROUNDS = 3  # of joining components
 IN_A_UNION = 8  # number of scans in a union around one scan
 LEAST_CHANCE = 0.005  # of a pose that is proposed
 NEAR, ALIKE = 3.0, np.radians(5)  # within which two poses agree
