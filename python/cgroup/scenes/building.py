@@ -219,7 +219,8 @@ class SceneBuilder:
             np.array([refined[pair].covariance for pair in rows]).reshape(-1, 6, 6),
             np.full(len(rows), SURE),
             self._middles,
-            (settings.EXACT * settings.LEAST_TURN, settings.EXACT * settings.LEAST_SHIFT * self._voxel),
+            self._voxel,
+            settings.EXACT,
         )
 
     def _weigh_kept(self, kept: Sequence[tuple[int, int]]) -> dict[tuple[int, int], float]:

@@ -59,29 +59,13 @@ def decide(
     posterior = weigh_by_triangles(pairs, measured, spread, prior, overlap, middles, voxel)
     likely = posterior >= ACCEPTED
     start, _, _ = follow_best(pairs[likely], measured[likely], posterior[likely], count)
-    graph = graph_of(
-        start,
-        pairs,
-        measured,
-        spread,
-        posterior,
-        middles,
-        (settings.LEAST_TURN, settings.LEAST_SHIFT * voxel),
-    ).optimize(robust=True, start="given")
-    kept = graph.kept & likely
+    graph = graph_of(start, pairs, measured, spread, posterior, middles, voxel)
+    kept = graph.optimize(robust=True, start="given").kept & likely
     kept = drop_contradicted(pairs, kept, prior, posterior, count)
     is_firm = (prior >= settings.FIRM) | np.array([pair in firm for pair in rows], dtype=bool)
     kept[kept] = drop_weak_bridges(pairs[kept], prior[kept], is_firm[kept], count)
     poses, labels, _ = follow_best(pairs[kept], measured[kept], posterior[kept], count)
-    graph = graph_of(
-        poses,
-        pairs[kept],
-        measured[kept],
-        spread[kept],
-        posterior[kept],
-        middles,
-        (settings.LEAST_TURN, settings.LEAST_SHIFT * voxel),
-    )
+    graph = graph_of(poses, pairs[kept], measured[kept], spread[kept], posterior[kept], middles, voxel)
     poses = anchor(graph.optimize(start="given").poses, labels)
     selected = {rows[row]: float(posterior[row]) for row in np.flatnonzero(kept)}
     return Decision(poses, labels, selected)
@@ -94,14 +78,16 @@ def graph_of(
     spread: FloatArray,
     chances: FloatArray,
     middles: FloatArray,
-    least: tuple[float, float],
+    voxel: float,
+    share: float = 1.0,
 ) -> PoseGraph:
-    """Return a pose graph of links; least deviations of turn and shift are added to the covariances."""
+    """Return a pose graph of links; a share of the least deviations is added to their covariances."""
     information = np.empty((len(pairs), 6, 6))
+    turn, shift = share * settings.LEAST_TURN, share * settings.LEAST_SHIFT * voxel
     for row, (source, _) in enumerate(pairs.tolist()):
         own = covariance_in("gtsam", spread[row], measured[row])
         change = about(-middles[source])  # from motions about the middle of the source
-        floor = change @ np.diag([least[0] ** 2] * 3 + [least[1] ** 2] * 3) @ change.T
+        floor = change @ np.diag([turn**2] * 3 + [shift**2] * 3) @ change.T
         inverse = np.linalg.inv(own + floor)
         information[row] = (inverse + inverse.T) / 2
     trusted = np.minimum(chances, settings.LARGEST_CHANCE)
