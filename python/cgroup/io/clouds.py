@@ -45,10 +45,10 @@ def read_cloud(path: str | os.PathLike[str]) -> PointCloud:
     r"""Read a point cloud or mesh.
 
     PLY, PCD, OBJ, STL, OFF, PTS, PTX, E57, LAS, LAZ, glTF, GLB, legacy VTK, text, KITTI's ``.bin``, NPY and
-    NPZ; docs/files.md describes what is read of each. `read_depth` reads depth images. Points with a NaN or
-    infinite coordinate, those without a return, and splats of an opacity below 0.1 are left out and counted
-    in `PointCloud.dropped`. Text that can be read in two ways is refused. Sizes that a file declares are
-    checked against its length before memory is allocated.
+    NPZ; https://cgroup-project.github.io/cgroup/files.html lists what is read of each. `read_depth` reads
+    depth images. Points with a NaN or infinite coordinate, those without a return, and splats of an opacity
+    below 0.1 are left out and counted in `PointCloud.dropped`. Text that can be read in two ways is refused.
+    Sizes that a file declares are checked against its length before memory is allocated.
 
     Parameters
     ----------
