@@ -21,7 +21,7 @@ from cgroup.errors import InputError
 
 _Kind = TypeVar("_Kind")
 
-LARGEST_COUNT = 2**64 - 1
+LARGEST_COUNT, MOST_THREADS = 2**64 - 1, 1024
 
 _LONGEST_WORD = 80  # letters of a wrong word that are compared with the right ones
 
@@ -187,9 +187,6 @@ def as_path(name: str, value: object) -> Path:
 def refusal(name: str, value: object, remedy: str) -> InputError:
     """Return the error for an invalid value."""
     return InputError(escape(name), show(value), remedy)
-
-
-MOST_THREADS = 1024
 
 
 class RunOptions(NamedTuple):

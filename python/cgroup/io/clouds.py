@@ -38,6 +38,8 @@ REALS: tuple[Real, ...] = ("float64", "float32")
 # Share of a cloud's size by which points may move where they are written in single precision
 _MOST_LOST = 1e-6
 
+# Suffixes of clouds that poses, matches and notes have as well: a folder's are not taken
+_OTHERS_TOO = {".csv", ".npy", ".npz", ".txt"}
 _CLOUD_COLOR, _KEYPOINT_COLOR = (190, 190, 190), (213, 94, 0)
 
 
@@ -354,10 +356,6 @@ PARSERS: dict[str, Callable[[bytes], PointCloud]] = {
     ".npz": _parse_npz,
 }
 """By the suffix of a file."""
-
-
-# Suffixes of clouds that poses, matches and notes have as well: a folder's are not taken
-_OTHERS_TOO = {".csv", ".npy", ".npz", ".txt"}
 
 
 def find_clouds(name: str, paths: Iterable[str | os.PathLike[str]]) -> list[Path]:

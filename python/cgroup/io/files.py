@@ -36,6 +36,10 @@ _MOST_DIGITS = 20  # of a whole number of 64 bits, with its sign
 _LARGEST = 2**64
 _SHOWN = 160  # characters of a parser's reason that an error shows
 _FLAGS = os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0)
+# Windows neither moves nor removes a file that is open, and has no `flock`
+_IS_WINDOWS = sys.platform == "win32"
+_BEGIN, _END, _ALIVE = ".cgroup-", ".part", "locked"
+_PART_FLAGS = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOFOLLOW", 0)
 
 
 def write_file(path: str | os.PathLike[str], content: bytes) -> None:
@@ -254,13 +258,6 @@ def _whole_number(word: str) -> int:
 def number_lines(rows: FloatArray) -> list[str]:
     """Write each row of numbers as a line, exact to the last bit."""
     return [" ".join(map(repr, row)) for row in rows.tolist()]
-
-
-# Windows neither moves nor removes a file that is open, and has no `flock`
-_IS_WINDOWS = sys.platform == "win32"
-
-_BEGIN, _END, _ALIVE = ".cgroup-", ".part", "locked"
-_PART_FLAGS = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOFOLLOW", 0)
 
 
 def replace_whole(path: Path, content: bytes, ready: Callable[[], object]) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from cgroup.methods._declare import method
 
+_RECOMPUTED = "A larger matrix is recomputed row by row, with the same result."
+
 
 @method(
     "ss",
@@ -142,9 +144,6 @@ def cv() -> None:
     >>> bool(precision > 0.9)  # 30 % of all matches are right
     True
     """
-
-
-_RECOMPUTED = "A larger matrix is recomputed row by row, with the same result."
 
 
 @method(

@@ -35,6 +35,7 @@ from cgroup.types.point_cloud import as_cloud
 _FIRST_COLORS = bytes.fromhex("E69F00 0072B2 009E73 CC79A7 56B4E9 D55E00 B8AC1B 7A5195")
 _GOLDEN = 0.618  # turn between the hues of consecutive scans, which keeps them apart
 
+_CLOUDS, _GRAPHS = (".ply", ".pcd"), (".g2o", ".json")
 POSE_FORMATS = (".tum", ".kitti", ".log")
 WITHOUT_NAMES = (".kitti", ".log")  # formats without comments: many readers expect numbers in each line
 
@@ -61,9 +62,6 @@ def format_poses(suffix: str, poses: FloatArray, rows: Sequence[int], names: Seq
         blocks = zip(rows, map(number_lines, poses), strict=True)
         lines = [line for row, pose in blocks for line in (f"{row} {row} {row + 1}", *pose)]
     return "".join(f"{line}\n" for line in lines)
-
-
-_CLOUDS, _GRAPHS = (".ply", ".pcd"), (".g2o", ".json")
 
 
 @dataclass(frozen=True, eq=False)

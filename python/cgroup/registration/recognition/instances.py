@@ -32,10 +32,12 @@ _EVIDENCE = 0.01
 _RESIDUAL = 0.08
 _MIDDLE, _STEEPNESS = 0.815, 60.0
 _MIDDLE_UNSEEN = 0.72  # without a viewpoint, hidden points near the scene count as off it
+_SAME_PLACE = 0.8  # of what one pose explains that another explains too
+_AS_GOOD = 0.8  # share of the score of a pose from which another is its alternative
 
 
 @dataclass(frozen=True, eq=False)
-class Sighting:
+class Detection:
     """A model at a pose in a scene."""
 
     model: PreparedScan  # with the same voxel
@@ -87,11 +89,11 @@ def look_at(
     score: float,
     evidence: int,
     threads: int | None,
-) -> Sighting:
+) -> Detection:
     """Compare both surfaces under a pose."""
     seen = np.bincount(places(model.surface, scene.surface, pose, threads=threads), minlength=len(Place))
     explained = places(scene.surface, model.surface, invert(pose), threads=threads) == Place.ON
-    return Sighting(model, scene, pose, score, evidence, seen, explained, threads)
+    return Detection(model, scene, pose, score, evidence, seen, explained, threads)
 
 
 def _misfit(aligned: Alignment) -> float:
@@ -102,34 +104,30 @@ def _misfit(aligned: Alignment) -> float:
     return aligned.rmse / expected if expected > 0 else math.inf
 
 
-_SAME_PLACE = 0.8  # of what one pose explains that another explains too
-_AS_GOOD = 0.8
-
-
 @dataclass(frozen=True, eq=False)
 class Proposal:
     """A proposed pose of a model."""
 
     name: str  # of the model
-    sighting: Sighting  # its pose
+    detection: Detection  # its pose
     others: FloatArray  # (k,4,4), other poses at the same place that score almost as well
     matches: Correspondences  # of the search that found it
 
     def registration(self, probability: float, seconds: dict[str, float]) -> Registration:
         """Return the result."""
-        sighting = self.sighting
+        detection = self.detection
         found = Found(
-            sighting.refined,
+            detection.refined,
             self.others,
             probability,
-            sighting.visible,
+            detection.visible,
             self.matches,
-            sighting.model,
-            sighting.scene,
-            target_fitness=float(sighting.explained.mean()),
-            motions=count_open_motions(sighting.refined, sighting.model, sighting.scene),
+            detection.model,
+            detection.scene,
+            target_fitness=float(detection.explained.mean()),
+            motions=count_open_motions(detection.refined, detection.model, detection.scene),
         )
-        return registration_of(found, judge(found, sighting.model, sighting.scene), seconds)
+        return registration_of(found, judge(found, detection.model, detection.scene), seconds)
 
 
 @dataclass(eq=False)
@@ -175,7 +173,7 @@ class InstanceSearch:
         self.clock.start("refinement")
         while True:
             rated = [
-                (proposal.sighting.probability(self.free), proposal)
+                (proposal.detection.probability(self.free), proposal)
                 for proposal in proposals
                 if not self._is_complete(proposal.name, found)
             ]
@@ -185,7 +183,7 @@ class InstanceSearch:
             if not is_accepted(probability):
                 return
             found.append((best, probability))
-            self.free &= ~best.sighting.explained
+            self.free &= ~best.detection.explained
 
     def _propose(self, name: str, *, thoroughly: bool) -> list[Proposal]:
         model, free = self.models[name], self._free_part()
@@ -218,18 +216,20 @@ class InstanceSearch:
         model, scene = self.models[name], self.scene
         verified = verify(model.surface, scene.surface, poses, matches=mutual, threads=self.threads)
         rows = zip(verified.poses, verified.scores.tolist(), verified.evidence.tolist(), strict=True)
-        sightings = [
+        detections = [
             look_at(model, scene, pose, score, evidence, self.threads) for pose, score, evidence in rows
         ]
-        return [Proposal(name, sighting, _others(sighting, sightings), matches) for sighting in sightings]
+        return [
+            Proposal(name, detection, _others(detection, detections), matches) for detection in detections
+        ]
 
 
-def _others(one: Sighting, sightings: list[Sighting]) -> FloatArray:
+def _others(one: Detection, detections: list[Detection]) -> FloatArray:
     """Return the poses that explain the same voxels almost as well."""
     explained = int(one.explained.sum())
     poses: list[Any] = [
         other.pose
-        for other in sightings
+        for other in detections
         if other is not one
         and other.score >= _AS_GOOD * max(one.score, 0)
         and int((one.explained & other.explained).sum()) >= _SAME_PLACE * explained
