@@ -46,7 +46,7 @@ GROUPS: dict[str, dict[str, str]] = {
     },
     "cgroup.errors": {"Errors": "CgroupError InputError NoConsensusError OutOfMemoryError"},
     "cgroup.features": {
-        "Clouds and lengths": "Cloud CloudLike resolution",
+        "Clouds and lengths": "Cloud CloudLike resolution within",
         "Downsampling": "voxel_downsample choose_voxel Voxels",
         "Normals and meshes": "normals mesh_normals sample_mesh ORIGIN Viewpoint",
         "Keypoints": "harris3d iss drop_isolated SUPPORT_RADIUS",
@@ -93,7 +93,7 @@ GROUPS: dict[str, dict[str, str]] = {
         "Recalls of benchmarks": "redwood_error registration_recall feature_matching_recall inlier_ratio "
         "mean_average_accuracy",
         "Registered or not": "Protocol PROTOCOLS",
-        "How hard a pair is": "overlap clutter_and_occlusion within",
+        "How hard a pair is": "overlap clutter_and_occlusion",
     },
     "cgroup.comparison": {
         "Methods side by side": "compare MethodResult find_correct",
@@ -108,8 +108,7 @@ GROUPS: dict[str, dict[str, str]] = {
     },
     "cgroup.nuisances": {
         "On clouds": "add_noise decimate",
-        "On pairs, by level": "apply_nuisance NUISANCES noise density voxel_density less_overlap "
-        "more_clutter more_occlusion LEAST_POINTS",
+        "On pairs, by level": "apply_nuisance NUISANCES LEAST_POINTS",
     },
     "cgroup.plots": {
         "Clouds and matches": "registration_figure comparison_figure keypoints_figure",
@@ -117,7 +116,6 @@ GROUPS: dict[str, dict[str, str]] = {
     "cgroup.pages": {
         "Pages of a result": "registration_page scene_page comparison_page",
         "Any page": "write_page",
-        "Rerun": "log_to_rerun",
     },
     "cgroup.registry": {
         "What is known of each method": "METHOD_INFO MethodInfo MethodOption label_of",

@@ -18,7 +18,7 @@ from PIL import Image
 
 from cgroup.datasets import open_dataset
 from cgroup.evaluation import correct_matches
-from cgroup.plots.scene import Scene
+from cgroup.plots.matches import PairDrawing
 from cgroup.registration import register
 
 if TYPE_CHECKING:
@@ -42,7 +42,9 @@ class Panels:
         ends = self._matches.source, self._matches.target
         self._right = correct_matches(*ends, pair.T_target_source, tolerance=tolerance)
         clouds = pair.source.points, pair.target.points
-        self._apart, self._placed = (Scene(*clouds, pose) for pose in (np.eye(4), self._done.T_target_source))
+        self._apart, self._placed = (
+            PairDrawing(*clouds, pose) for pose in (np.eye(4), self._done.T_target_source)
+        )
 
     def draw(self, name: str) -> tuple[Figure, str, str]:
         """Draw one panel, below an empty strip; return it, its title and a note."""

@@ -15,13 +15,7 @@ from numpy.typing import ArrayLike
 
 from cgroup._checks.values import as_items
 from cgroup.errors import InputError, NoConsensusError
-from cgroup.evaluation import (
-    GroupScore,
-    correct_matches,
-    rotation_error,
-    score_group,
-    translation_error,
-)
+from cgroup.evaluation import GroupScore, correct_matches, rotation_error, score_group, translation_error
 from cgroup.evaluation.ground_truth import CORRECT_WITHIN, mean_displacement
 from cgroup.group import check_method, group
 from cgroup.io import write_file
@@ -94,16 +88,12 @@ def compare(
 ) -> Iterator[MethodResult]:
     """Run methods one after another on the same correspondences.
 
+    Further parameters as for `find_correct`.
+
     Parameters
     ----------
-    correspondences : Correspondences
-        With all fields that the methods need.
-    T_target_source : (4,4) array_like of float
-        True pose.
     methods : iterable of str
         Names from `METHODS`, in any case; all by default.
-    tolerance : float, optional
-        As for `find_correct`.
     correct : (n,) array_like of bool, optional
         Which correspondences are correct, instead of by `tolerance`.
     max_rotation : float
@@ -137,11 +127,11 @@ def compare(
         max_displacement = tolerance
     if max_displacement is None:
         max_displacement = MAX_DISPLACEMENT * _need_resolution(correspondences, "max_displacement")
-    truth = _Truth(np.asarray(T_target_source), np.asarray(correct), max_rotation, max_displacement)
+    truth, flags = np.asarray(T_target_source), np.asarray(correct)
     for method in names:
         if progress is not None:
             progress(method)
-        yield _run_method(correspondences, method, truth)
+        yield _run_method(correspondences, method, truth, flags, (max_rotation, max_displacement))
 
 
 def find_correct(
@@ -177,30 +167,27 @@ def _need_resolution(correspondences: Correspondences, name: str) -> float:
     return correspondences.resolution
 
 
-@dataclass(frozen=True, eq=False)
-class _Truth:
-    """The truth, and limits of errors."""
-
-    pose: FloatArray
-    correct: BoolArray
-    max_rotation: float
-    max_displacement: float
-
-
-def _run_method(correspondences: Correspondences, method: str, truth: _Truth) -> MethodResult:
+def _run_method(
+    correspondences: Correspondences,
+    method: str,
+    truth: FloatArray,
+    correct: BoolArray,
+    limits: tuple[float, float],
+) -> MethodResult:
+    """Run one method and score it; limits are those of rotation and displacement."""
     start = time.perf_counter()
     grouping = group(correspondences, method)
     seconds = time.perf_counter() - start
-    score = score_group(grouping.mask, truth.correct)
+    score = score_group(grouping.mask, correct)
     try:
         pose = grouping.transform()
     except NoConsensusError:
         return MethodResult(
             method, grouping, score, None, np.nan, np.nan, np.nan, registered=False, seconds=seconds
         )
-    angle, shift = rotation_error(pose, truth.pose), translation_error(pose, truth.pose)
-    displacement = mean_displacement(correspondences.source, pose, truth.pose)
-    registered = angle <= truth.max_rotation and displacement <= truth.max_displacement
+    angle, shift = rotation_error(pose, truth), translation_error(pose, truth)
+    displacement = mean_displacement(correspondences.source, pose, truth)
+    registered = angle <= limits[0] and displacement <= limits[1]
     return MethodResult(method, grouping, score, pose, angle, shift, displacement, registered, seconds)
 
 
@@ -216,17 +203,6 @@ def table(results: Iterable[MethodResult]) -> list[dict[str, str | int | float |
     -------
     list of dict
         Method, counts, scores, both criteria, pose errors (degrees; the data's unit) and milliseconds.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cgroup.comparison import compare, table
-    >>> from cgroup.datasets import make_problem
-    >>> problem = make_problem(np.random.default_rng(0), 200)
-    >>> matches, pose = problem.correspondences(), problem.T_target_source
-    >>> rows = table(compare(matches, pose, methods=["gtm"]))
-    >>> rows[0]["method"], rows[0]["matches"], rows[0]["correct"]
-    ('gtm', 200, 100)
     """
     return [
         {

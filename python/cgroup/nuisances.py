@@ -1,7 +1,6 @@
-"""Nuisances: noise, lower density, less overlap.
+"""Nuisances: noise, lower density, less overlap, more occlusion and clutter.
 
-`add_noise` and `decimate` work on clouds; `apply_nuisance`, and the functions in `NUISANCES`, on pairs: they
-change the target (``overlap`` both clouds), never the pose.
+`add_noise` and `decimate` change a cloud, `apply_nuisance` the target of a pair ("overlap": both clouds).
 """
 
 from __future__ import annotations
@@ -19,8 +18,9 @@ from cgroup.datasets.base import MatchingPair, mean_resolution
 from cgroup.datasets.generated.shapes import random_direction, stones_around
 from cgroup.datasets.voxels import voxel_subset
 from cgroup.errors import InputError
-from cgroup.evaluation import overlap, within
+from cgroup.evaluation import overlap
 from cgroup.evaluation.ground_truth import OVERLAP_WITHIN, VISIBLE_WITHIN
+from cgroup.features import within
 from cgroup.rigid import apply
 from cgroup.types import AnyCloud, BoolArray, IndexArray, PointCloud
 from cgroup.types.point_cloud import as_cloud
@@ -34,12 +34,6 @@ __all__ = [
     "add_noise",
     "apply_nuisance",
     "decimate",
-    "density",
-    "less_overlap",
-    "more_clutter",
-    "more_occlusion",
-    "noise",
-    "voxel_density",
 ]
 
 LEAST_POINTS = 100
@@ -62,11 +56,6 @@ def add_noise(cloud: AnyCloud, sigma: float, rng: np.random.Generator) -> PointC
     -------
     PointCloud
         In the same order; faces and colours kept, stored normals dropped because they no longer fit.
-
-    Raises
-    ------
-    InputError
-        If sigma is negative or not finite, or an argument is of another type.
     """
     cloud, deviation = as_cloud("cloud", cloud), as_number("sigma", sigma)
     if not (np.isfinite(deviation) and deviation >= 0):
@@ -100,11 +89,6 @@ def decimate(
     -------
     PointCloud
         Without faces, and without normals and colours for "voxel".
-
-    Raises
-    ------
-    InputError
-        If the share is out of range or leaves fewer than 100 points, or another argument is wrong.
     """
     as_choice("method", method, ("random", "voxel"))
     as_instance("rng", rng, np.random.Generator)
@@ -126,13 +110,15 @@ def apply_nuisance(name: str, pair: MatchingPair, level: float, rng: np.random.G
     Parameters
     ----------
     name : str
-        "noise", "density", "voxel-density", "overlap", "occlusion" or "clutter"; or "module:function" for one
-        from outside the package, which takes the pair, the level and the generator and returns a pair.
+        One of `NUISANCES`; or "module:function" for one from outside the package, which takes the pair, the
+        level and the generator and returns a pair.
     pair : MatchingPair
         Left as it is.
     level : float
-        For noise its standard deviation, in resolutions of the target; else the share of points kept, or of
-        overlap, occlusion or clutter.
+        For "noise" the standard deviation along each axis, in resolutions of the target; for "density" and
+        "voxel-density" the share of points kept; for "overlap" the share of the smaller cloud, within 4
+        resolutions; for "occlusion" the share of the source that is hidden, and for "clutter" the share of
+        the target's points that are not on the source, both within 2 resolutions.
     rng : numpy.random.Generator
         The only source of randomness.
 
@@ -140,11 +126,6 @@ def apply_nuisance(name: str, pair: MatchingPair, level: float, rng: np.random.G
     -------
     MatchingPair
         With the same name and pose; facts that change are brought up to date.
-
-    Raises
-    ------
-    InputError
-        If the name is unknown, the level is out of range, or an argument is of another type.
 
     Examples
     --------
@@ -159,99 +140,19 @@ def apply_nuisance(name: str, pair: MatchingPair, level: float, rng: np.random.G
     nuisance: Nuisance | None = load_plugin("nuisance", word) if ":" in word else NUISANCES.get(word)
     if nuisance is None:
         refuse_word("nuisance", name, NUISANCES, guess_word(name, NUISANCES), ", or give module:function")
-    return nuisance(*_checked(pair, level), as_instance("rng", rng, np.random.Generator))
+    pair, level = as_instance("pair", pair, MatchingPair), as_number("level", level)
+    return nuisance(pair, level, as_instance("rng", rng, np.random.Generator))
 
 
-def noise(pair: MatchingPair, level: float, rng: np.random.Generator) -> MatchingPair:
-    """Add Gaussian noise to the target.
-
-    Parameters
-    ----------
-    pair, level, rng : MatchingPair, float, numpy.random.Generator
-        As for `apply_nuisance`; the level is the standard deviation along each axis, in resolutions of the
-        clean target.
-
-    Returns
-    -------
-    MatchingPair
-        With the fact ``noise``.
-
-    Raises
-    ------
-    InputError
-        As for `apply_nuisance`.
-    """
-    pair, level = _checked(pair, level)
+def _noise(pair: MatchingPair, level: float, rng: np.random.Generator) -> MatchingPair:
     sigma = level * features.resolution(pair.target.points)
     return replace(pair, target=add_noise(pair.target, sigma, rng), facts={**pair.facts, "noise": level})
 
 
-def density(pair: MatchingPair, level: float, rng: np.random.Generator) -> MatchingPair:
-    """Keep a random subset of the target.
-
-    Parameters
-    ----------
-    pair, level, rng : MatchingPair, float, numpy.random.Generator
-        As for `apply_nuisance`; the level is the share of the points that are kept, above 0 and at most 1.
-
-    Returns
-    -------
-    MatchingPair
-        With a target without faces.
-
-    Raises
-    ------
-    InputError
-        As for `apply_nuisance`, or if fewer than 100 points are left.
-    """
-    pair, level = _checked(pair, level)
-    return replace(pair, target=decimate(pair.target, level, rng))
-
-
-def voxel_density(pair: MatchingPair, level: float, rng: np.random.Generator) -> MatchingPair:
-    """Downsample the target on a grid.
-
-    Parameters
-    ----------
-    pair, level, rng : MatchingPair, float, numpy.random.Generator
-        As for `apply_nuisance`; the level is the approximate share of points left, above 0 and at most 1. The
-        grid alone determines the points.
-
-    Returns
-    -------
-    MatchingPair
-        With a target of the means of the points in each cell, alone.
-
-    Raises
-    ------
-    InputError
-        As for `apply_nuisance`, or if fewer than 100 points are left.
-    """
-    pair, level = _checked(pair, level)
-    return replace(pair, target=decimate(pair.target, level, rng, method="voxel"))
-
-
-def less_overlap(pair: MatchingPair, level: float, rng: np.random.Generator) -> MatchingPair:
-    """Cut the same share off both clouds, from opposite sides, down to an overlap.
-
-    Parameters
-    ----------
-    pair, level, rng : MatchingPair, float, numpy.random.Generator
-        As for `apply_nuisance`; the level is the share of the smaller cloud that overlaps the other one,
-        between 0 and 1.
-
-    Returns
-    -------
-    MatchingPair
-        With the fact ``overlap``, the share that is reached, at 4 resolutions; it may be below the level.
-
-    Raises
-    ------
-    InputError
-        As for `apply_nuisance`, or if the level exceeds the present overlap or leaves fewer than 100 points.
-    """
-    pair, level = _checked(pair, level, "overlap")
-    direction = random_direction(as_instance("rng", rng, np.random.Generator))
+def _overlap(pair: MatchingPair, level: float, rng: np.random.Generator) -> MatchingPair:
+    """Cut the same share off both clouds, from opposite sides, down to an overlap."""
+    _check_share("overlap", level)
+    direction = random_direction(rng)
     tolerance = OVERLAP_WITHIN * mean_resolution(pair.source, pair.target)
     source, target = apply(pair.T_target_source, pair.source.points), pair.target.points
     source_height, target_height = source @ direction, target @ direction
@@ -283,29 +184,10 @@ def less_overlap(pair: MatchingPair, level: float, rng: np.random.Generator) -> 
     return replace(cut_pair, facts={**pair.facts, "overlap": reached})
 
 
-def more_occlusion(pair: MatchingPair, level: float, rng: np.random.Generator) -> MatchingPair:
-    """Cut the model's points out of the target, up to a hidden share of the model.
-
-    Parameters
-    ----------
-    pair, level, rng : MatchingPair, float, numpy.random.Generator
-        As for `apply_nuisance`; the level is the approximate share of the model (source) that is hidden in
-        the scene (target), between 0 and 1.
-
-    Returns
-    -------
-    MatchingPair
-        With the fact ``occlusion``, the share of the model's vertices with no point of the target within 2
-        resolutions: exact for even density only.
-
-    Raises
-    ------
-    InputError
-        As for `apply_nuisance`, or if the level is below the present occlusion or leaves fewer than 100
-        points.
-    """
-    pair, level = _checked(pair, level, "occlusion")
-    direction = random_direction(as_instance("rng", rng, np.random.Generator))
+def _occlusion(pair: MatchingPair, level: float, rng: np.random.Generator) -> MatchingPair:
+    """Cut the model's points out of the target, up to a hidden share of the model."""
+    _check_share("occlusion", level)
+    direction = random_direction(rng)
     tolerance = VISIBLE_WITHIN * mean_resolution(pair.source, pair.target)
     model, scene = apply(pair.T_target_source, pair.source.points), pair.target.points
     visible = within(model, scene, tolerance)
@@ -320,27 +202,9 @@ def more_occlusion(pair: MatchingPair, level: float, rng: np.random.Generator) -
     return replace(pair, target=target, facts={**pair.facts, "occlusion": reached})
 
 
-def more_clutter(pair: MatchingPair, level: float, rng: np.random.Generator) -> MatchingPair:
-    """Put generated stones, as large and dense as the source, around the target.
-
-    Parameters
-    ----------
-    pair, level, rng : MatchingPair, float, numpy.random.Generator
-        As for `apply_nuisance`; the level is the share of the target's points that are not on the model
-        (source), between 0 and 1.
-
-    Returns
-    -------
-    MatchingPair
-        With the fact ``clutter``, which counts points: exact for even density only.
-
-    Raises
-    ------
-    InputError
-        As for `apply_nuisance`, or if the level is below the present clutter.
-    """
-    pair, level = _checked(pair, level, "clutter")
-    as_instance("rng", rng, np.random.Generator)
+def _clutter(pair: MatchingPair, level: float, rng: np.random.Generator) -> MatchingPair:
+    """Put generated stones, as large and dense as the source, around the target."""
+    _check_share("clutter", level)
     scene = pair.target.points
     pr = mean_resolution(pair.source, pair.target)
     own = within(scene, apply(pair.T_target_source, pair.source.points), VISIBLE_WITHIN * pr)
@@ -354,18 +218,19 @@ def more_clutter(pair: MatchingPair, level: float, rng: np.random.Generator) -> 
 
 
 NUISANCES: dict[str, Nuisance] = {
-    "noise": noise,
-    "density": density,
-    "voxel-density": voxel_density,
-    "overlap": less_overlap,
-    "occlusion": more_occlusion,
-    "clutter": more_clutter,
+    "noise": _noise,
+    "density": lambda pair, level, rng: replace(pair, target=decimate(pair.target, level, rng)),
+    "voxel-density": lambda pair, level, rng: replace(
+        pair, target=decimate(pair.target, level, rng, method="voxel")
+    ),
+    "overlap": _overlap,
+    "occlusion": _occlusion,
+    "clutter": _clutter,
 }
 """What `apply_nuisance` knows by name."""
 
 
 def _keep(cloud: PointCloud, keep: BoolArray) -> PointCloud:
-    """Keep some of the points, and the faces between them."""
     _check_left(int(np.count_nonzero(keep)), "the level")
     faces = cloud.faces
     if faces is not None:
@@ -380,12 +245,9 @@ def _rows(cloud: PointCloud, rows: IndexArray) -> PointCloud:
     return PointCloud(cloud.points[rows], normals, None, colors, cloud.dropped)
 
 
-def _checked(pair: MatchingPair, level: float, share: str = "") -> tuple[MatchingPair, float]:
-    """Refuse what isn't a pair and a number; or a level that is out of range for the share of a name."""
-    pair, level = as_instance("pair", pair, MatchingPair), as_number("level", level)
-    if share and not 0 < level < 1:
-        raise InputError(share, level, "give a share above 0 and below 1")
-    return pair, level
+def _check_share(name: str, level: float) -> None:
+    if not 0 < level < 1:
+        raise InputError(name, level, "give a share above 0 and below 1")
 
 
 def _check_left(count: int, cause: str) -> None:

@@ -14,8 +14,7 @@ from trimesh.exchange.off import load_off
 from trimesh.exchange.ply import load_ply
 from trimesh.exchange.stl import load_stl
 
-from cgroup.io.clouds import CloudContent
-from cgroup.types import FloatArray
+from cgroup.types import FloatArray, PointCloud
 
 
 def _points(array: ArrayLike) -> FloatArray:
@@ -31,12 +30,12 @@ def _numbers(content: bytes) -> FloatArray:
     return np.loadtxt(io.StringIO(text), dtype=np.float64, comments=("#", "//"), ndmin=2)
 
 
-def parse_text(content: bytes) -> CloudContent:
+def parse_text(content: bytes) -> PointCloud:
     """Read x y z from the first three columns."""
-    return CloudContent(_points(_numbers(content)[:, :3]))
+    return PointCloud(_points(_numbers(content)[:, :3]))
 
 
-def parse_ply(content: bytes) -> CloudContent:
+def parse_ply(content: bytes) -> PointCloud:
     """Read vertices, their normals and colours, and faces."""
     shorter = io.BytesIO(_points_and_faces(content))
     loaded = load_ply(shorter, fix_texture=False, skip_materials=True)
@@ -69,22 +68,22 @@ def _rows(data: Any) -> int:
     return min((len(column) for column in columns if column is not None), default=0)
 
 
-def parse_off(content: bytes) -> CloudContent:
+def parse_off(content: bytes) -> PointCloud:
     """Read vertices and faces."""
     return _from_trimesh(load_off(io.BytesIO(content)))
 
 
-def parse_obj(content: bytes) -> CloudContent:
+def parse_obj(content: bytes) -> PointCloud:
     """Read vertices and faces of all parts."""
     loaded = load_obj(io.BytesIO(content), skip_materials=True, group_material=False, maintain_order=True)
     parts = [_from_trimesh(part) for part in loaded.get("geometry", {"": loaded}).values()]
     points = np.concatenate([np.empty((0, 3)), *(part.points for part in parts)])
     starts = np.cumsum([0, *(len(part.points) for part in parts)])[:-1]
     faces = [part.faces + i for part, i in zip(parts, starts, strict=True) if part.faces is not None]
-    return _without_repeats(CloudContent(points, faces=np.concatenate(faces) if faces else None))
+    return _without_repeats(PointCloud(points, faces=np.concatenate(faces) if faces else None))
 
 
-def parse_stl(content: bytes) -> CloudContent:
+def parse_stl(content: bytes) -> PointCloud:
     """Read triangles, corners of equal coordinates made one."""
     if b"facet normal" in content[:1000] and b"endsolid" not in content[-1000:]:
         message = "no endsolid at its end"
@@ -92,7 +91,7 @@ def parse_stl(content: bytes) -> CloudContent:
     return _without_repeats(_from_trimesh(load_stl(io.BytesIO(content))))
 
 
-def _from_trimesh(loaded: dict[str, Any]) -> CloudContent:
+def _from_trimesh(loaded: dict[str, Any]) -> PointCloud:
     """Take over what a trimesh loader found."""
     points = _points(loaded.get("vertices", np.empty((0, 3))))
     normals, faces, colors = (loaded.get(k) for k in ("vertex_normals", "faces", "vertex_colors"))
@@ -101,7 +100,7 @@ def _from_trimesh(loaded: dict[str, Any]) -> CloudContent:
         if faces.min() < 0 or faces.max() >= len(points):
             message = f"a face names point {faces.max()}, there are {len(points)}"
             raise ValueError(message)
-    return CloudContent(
+    return PointCloud(
         points,
         None if normals is None else _points(normals),
         None if faces is None or len(faces) == 0 else faces,
@@ -109,14 +108,14 @@ def _from_trimesh(loaded: dict[str, Any]) -> CloudContent:
     )
 
 
-def _without_repeats(cloud: CloudContent) -> CloudContent:
+def _without_repeats(cloud: PointCloud) -> PointCloud:
     """Points of equal coordinates made one, in order of first appearance."""
     _, first, inverse = np.unique(cloud.points, axis=0, return_index=True, return_inverse=True)
     order = np.argsort(first, kind="stable")
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))
     keep = first[order]
-    return CloudContent(
+    return PointCloud(
         cloud.points[keep],
         None,
         None if cloud.faces is None else rank[inverse.reshape(-1)][cloud.faces],
@@ -124,7 +123,7 @@ def _without_repeats(cloud: CloudContent) -> CloudContent:
     )
 
 
-def parse_pcd(content: bytes) -> CloudContent:
+def parse_pcd(content: bytes) -> PointCloud:
     """Read points, their normals and colours."""
     loaded = pypcd4.PointCloud.from_fileobj(io.BytesIO(_modern_pcd(content)))
     data = loaded.pc_data
@@ -143,7 +142,7 @@ def parse_pcd(content: bytes) -> CloudContent:
         raise ValueError(message)
     packed = next((name for name in ("rgb", "rgba") if name in loaded.fields), None)
     colors = None if packed is None else _unpack_colors(np.ascontiguousarray(data[packed]))
-    return CloudContent(points, columns("normal_x", "normal_y", "normal_z"), None, colors)
+    return PointCloud(points, columns("normal_x", "normal_y", "normal_z"), None, colors)
 
 
 def _modern_pcd(content: bytes) -> bytes:
@@ -174,7 +173,7 @@ def _unpack_colors(packed: NDArray[Any]) -> NDArray[np.uint8]:
     return np.stack([bits >> 16 & 255, bits >> 8 & 255, bits & 255], axis=1).astype(np.uint8)
 
 
-PARSERS: dict[str, Callable[[bytes], CloudContent]] = {
+PARSERS: dict[str, Callable[[bytes], PointCloud]] = {
     ".obj": parse_obj,
     ".off": parse_off,
     ".pcd": parse_pcd,

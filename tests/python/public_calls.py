@@ -99,6 +99,7 @@ def _front_end() -> dict[str, dict[str, Any]]:
     return {
         "Cloud": {"points": POINTS},
         "resolution": points,
+        "within": {**points, "others": POINTS, "radius": 1.0},
         "voxel_downsample": {**points, "voxel": 10.0},
         "choose_voxel": {"clouds": [cloud, POINTS]},
         "normals": points,
@@ -166,7 +167,6 @@ def _judgement() -> dict[str, dict[str, dict[str, Any]]]:
         "evaluation": {
             "match_errors": matched | pose,
             "correct_matches": matched | pose | tolerance,
-            "within": {"points": POINTS, "others": POINTS, "radius": 1.0},
             "overlap": matched | pose | tolerance,
             "alignment_error": matched | poses | tolerance,
             "clutter_and_occlusion": mesh | {"T_scene_model": np.eye(4)} | tolerance,
@@ -188,10 +188,6 @@ def _judgement() -> dict[str, dict[str, dict[str, Any]]]:
             "add_noise": {"cloud": PAIR.source, "sigma": 0.1} | rng,
             "decimate": {"cloud": PAIR.source, "share": 0.5} | rng,
             "apply_nuisance": {"name": "noise"} | pair,
-            **dict.fromkeys(("noise", "density", "voxel_density"), pair),
-            "less_overlap": pair | {"level": 0.3},
-            "more_occlusion": pair | {"level": 0.8},
-            "more_clutter": pair,
         },
         "rigid": {
             "apply": {"transform": np.eye(4), "points": POINTS},

@@ -17,7 +17,7 @@ import pytest
 
 import cgroup
 from cgroup._runtime.interrupts import INTERRUPTED
-from cgroup.cli.failures import INPUT_ERROR, NO_CONSENSUS, OUTPUT_CLOSED, UNFORESEEN
+from cgroup.cli.errors import INPUT_ERROR, NO_CONSENSUS, OUTPUT_CLOSED, UNFORESEEN
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -10,8 +10,8 @@ from command_lines import fail, results_in, run, succeed
 from placed_scenes import PAIR, known_scene
 
 from cgroup import InputError
+from cgroup.cli import terminal
 from cgroup.cli.commands import merge
-from cgroup.cli.show import terminal
 from cgroup.datasets import standin_pair
 from cgroup.io import read_cloud, read_transforms, write_cloud
 from cgroup.rigid import rotation_error

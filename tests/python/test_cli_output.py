@@ -20,9 +20,8 @@ from command_lines import parse_command, run, succeed, write_inputs
 from cgroup import METHODS
 from cgroup.cli import app
 from cgroup.cli.commands.group import _length
-from cgroup.cli.show.json import as_text, make_document
-from cgroup.cli.show.tables import Column, print_table
-from cgroup.cli.show.terminal import show_stages
+from cgroup.cli.documents import as_text, make_document
+from cgroup.cli.terminal import Column, print_table, show_stages
 from cgroup.datasets import standin_pair
 from cgroup.io import read_transform, write_cloud
 

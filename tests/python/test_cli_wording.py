@@ -13,7 +13,7 @@ from command_lines import fail, run, write_inputs
 
 from cgroup import METHODS
 from cgroup.cli import app
-from cgroup.cli.wording import in_options
+from cgroup.cli.errors import in_options
 from cgroup.datasets import standin_pair
 from cgroup.errors import CgroupError, InputError, NoConsensusError
 from cgroup.io import write_cloud

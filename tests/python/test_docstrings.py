@@ -127,14 +127,8 @@ def modules_with_code() -> Iterator[str]:
             yield found.name
 
 
-# Libraries, beyond those of the tests, that examples of a module need.
-NEEDED = {"cgroup.pages.recording": "rerun"}
-
-
 @pytest.mark.parametrize("module", ["cgroup", *modules_with_code()])
 def test_examples_run(module: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    if module in NEEDED:
-        pytest.importorskip(NEEDED[module], reason=f"the examples of {module} need {NEEDED[module]}")
     monkeypatch.chdir(tmp_path)  # for those that write files
     assert doctest.testmod(importlib.import_module(module)).failed == 0
 

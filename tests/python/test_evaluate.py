@@ -5,7 +5,6 @@ import itertools
 import json
 import time
 from dataclasses import fields, replace
-from html.parser import HTMLParser
 
 import numpy as np
 import pytest
@@ -21,15 +20,21 @@ from cgroup.benchmark import tables
 from cgroup.benchmark.report.pose_files import write_poses
 from cgroup.datasets.generated.shapes import random_pose
 from cgroup.errors import InputError
-from cgroup.evaluation import within
-from cgroup.evaluation.paired_tests import compare_results, mcnemar
-from cgroup.evaluation.recall_protocols import Recall, protocol_names, read_protocol, score_poses
+from cgroup.evaluation.recall_protocols import (
+    Recall,
+    compare_results,
+    mcnemar,
+    protocol_names,
+    read_protocol,
+    score_poses,
+)
 from cgroup.evaluation.result_files import (
     PairErrors,
     PairPoses,
     read_results,
     read_truth,
 )
+from cgroup.features import within
 from cgroup.io import read_cloud, read_transforms, write_file
 from cgroup.io.transforms import format_log
 from cgroup.pose_graph.files import motion_lines
@@ -111,43 +116,6 @@ def recalls_of_scripts(truth, poses):
         within_limits.append(known and np.degrees(np.arccos(cosine)) < 15 and near)
     flat = [one for each in right.values() for one in each]
     return np.mean([np.mean(each) for each in right.values()]), np.mean(flat), np.mean(within_limits)
-
-
-class Page(HTMLParser):
-    """What a page holds; fails on tags that don't match, and on tables that can't be scrolled."""
-
-    def __init__(self, text):
-        super().__init__()
-        self.open, self.headings, self.charts, self.rows, self.terms = [], [], [], [], []
-        self.regions = self.tables = 0
-        self.feed(text)
-
-    def handle_starttag(self, tag, attrs):
-        given = dict(attrs)
-        assert len(given) == len(attrs)
-        assert "width" not in given.get("style", "")
-        if given.get("role") == "img":
-            self.charts.append(given["aria-label"])
-        if given.get("class") == "scroll":
-            self.regions += bool(
-                given["tabindex"] == "0" and given["role"] == "region" and given["aria-label"]
-            )
-        if tag == "table":
-            self.tables += 1
-            assert self.open[-1] == ("div", "scroll")
-        if tag in {"h1", "h2", "h3"}:
-            self.headings.append(tag)
-        if tag != "meta":
-            self.open.append((tag, given.get("class") or given.get("scope")))
-
-    def handle_endtag(self, tag):
-        assert self.open.pop()[0] == tag
-
-    def handle_data(self, data):
-        if self.open and self.open[-1] == ("th", "row"):
-            self.rows.append(data)
-        if self.open and self.open[-1][0] == "dt":
-            self.terms.append(data)
 
 
 # --- benchmarks ---------------------------------------------------------------------------------------------
@@ -426,24 +394,8 @@ def test_names_of_files_are_text_in_every_table(folder, capsys):
         assert "\x1b" not in text
 
 
-def test_the_page_has_tables_curves_and_the_worst_poses(folder, capsys):
-    (folder / "<b>.csv").write_bytes((folder / "ours.csv").read_bytes())
-    page = folder / "page.html"
-    text = succeed(capsys, *asked(folder, "<b>.csv", "theirs"), "--html", page)
-    assert "wrote page.html to" in text
-    html = page.read_text()
-    read = Page(html)
-    assert not read.open
-    assert read.headings == ["h1", *["h2"] * (len(read.headings) - 1)]
-    assert read.regions == read.tables == len(read.headings) - 1
-    assert read.charts == ["RMSE: recall over the limits, times a factor"]
-    assert "<b>" in read.rows
-    assert "0.1 to 0.3" in read.rows
-    assert "2.0" in read.rows  # the chart's numbers are there without it
-    assert read.terms == ["recall", "note", "left open"]
-    assert "3DMatch: 30 pairs of 3 scenes; recalls in % with Wilson&#x27;s intervals of 95 %" in html
-    documents = json.loads(succeed(capsys, *asked(folder), "--json"))["results"]["methods"]
-    ours, theirs = documents
+def test_the_document_lists_the_worst_poses(folder, capsys):
+    ours, theirs = json.loads(succeed(capsys, *asked(folder), "--json"))["results"]["methods"]
     assert len(ours["worst"]) == min(20, ours["wrong"]) > 0
     assert theirs["worst"] == []
     factors = [one["factor"] for one in ours["worst"]]
@@ -451,8 +403,6 @@ def test_the_page_has_tables_curves_and_the_worst_poses(folder, capsys):
     assert min(factors) > 1
     for one in ours["worst"]:
         assert one["factor"] == pytest.approx(one["rmse"] / 0.2)
-        assert f"<td>{one['pair']}</td>" in html
-    assert "ends in .html" in fail(capsys, *asked(folder), "--html", folder / "page.txt")
 
 
 def test_own_protocols(folder, capsys):

@@ -16,9 +16,9 @@ from cgroup.evaluation import (
     rotation_error,
     score_group,
     translation_error,
-    within,
 )
 from cgroup.evaluation.metrics import score_counts
+from cgroup.features import within
 from strategies import rigid
 
 

@@ -14,8 +14,9 @@ from cgroup.datasets.base import mean_resolution
 from cgroup.datasets.generated.shapes import stone
 from cgroup.datasets.voxels import voxel_means
 from cgroup.errors import InputError
-from cgroup.evaluation import overlap, within
+from cgroup.evaluation import overlap
 from cgroup.evaluation.ground_truth import OVERLAP_WITHIN
+from cgroup.features import within
 from cgroup.io import PointCloud
 from cgroup.nuisances import NUISANCES, add_noise, apply_nuisance, decimate
 

@@ -10,7 +10,7 @@ import pytest
 from command_lines import succeed
 from test_evaluate import random_pose
 
-from cgroup.cli.show.json import as_text, make_document
+from cgroup.cli.documents import as_text, make_document
 from cgroup.io import write_file
 from cgroup.io.transforms import format_log
 from cgroup.pose_graph.files import motion_lines

@@ -18,11 +18,9 @@ from cgroup.comparison import compare, find_correct
 from cgroup.datasets import standin_pair
 from cgroup.evaluation import match_errors
 from cgroup.io import write_cloud, write_transform
-from cgroup.pages import comparison_page, log_to_rerun, registration_page, write_page
-from cgroup.pages.figure import MAX_POINTS, draw_pair, line_vertices
-from cgroup.pages.matches import MAX_MATCHES
+from cgroup.pages import comparison_page, registration_page, write_page
+from cgroup.pages.matches import MAX_MATCHES, MAX_POINTS, draw_pair, line_vertices
 from cgroup.pages.page import chart_html, chart_text, page_html
-from cgroup.pages.recording import between
 from cgroup.registration import Registration, correspond, register
 from cgroup.rigid import apply
 
@@ -243,34 +241,6 @@ def test_of_many_matches_a_page_holds_those_that_were_kept_and_others() -> None:
 def test_a_comparison_of_nothing_is_refused(results: Any) -> None:
     with pytest.raises(InputError, match="results: "):
         comparison_page(PAIR.source, PAIR.target, MATCHES, results, PAIR.T_target_source)
-
-
-def test_the_source_turns_about_its_centre() -> None:
-    center = np.array([1.0, 2.0, 3.0])
-    half_turn = np.diag([-1.0, -1.0, 1.0, 1.0])
-    for end in (PAIR.T_target_source, np.eye(4), half_turn):
-        assert np.allclose(between(np.eye(4), end, 1.0, center), end, atol=1e-9)
-        assert np.allclose(between(np.eye(4), end, 0.0, center), np.eye(4), atol=1e-9)
-        middle = between(np.eye(4), end, 0.5, center)
-        assert np.allclose(middle[:3, :3] @ middle[:3, :3], end[:3, :3], atol=1e-9)
-        ends = (center + end[:3, :3] @ center + end[:3, 3]) / 2.0
-        assert np.allclose(middle[:3, :3] @ center + middle[:3, 3], ends)
-
-
-def test_a_recording_for_rerun_is_written(tmp_path: Path) -> None:
-    rerun = pytest.importorskip("rerun", reason="needs the extra cgroup[rerun]")
-    path = tmp_path / "matches.rrd"
-    log_to_rerun(PAIR.source, PAIR.target, MATCHES, group(MATCHES, "gc"), correct=CORRECT, path=path)
-    assert path.read_bytes()[:3] == b"RRF"
-    assert path.stat().st_size > 10_000
-    if rerun.get_global_data_recording() is None:
-        with pytest.raises(InputError, match="path: there is no recording"):
-            log_to_rerun(PAIR.source, PAIR.target, MATCHES, group(MATCHES, "gc"))
-
-
-def test_a_group_without_pose_needs_one_for_rerun() -> None:
-    with pytest.raises(InputError, match="T_target_source: the group fixes no pose"):
-        log_to_rerun(PAIR.source, PAIR.target, MATCHES, group(MATCHES, "nnsr", max_ratio=0.0))
 
 
 def test_the_guess_of_an_error_makes_a_page() -> None:

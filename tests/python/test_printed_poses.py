@@ -11,7 +11,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from cgroup._show.notebook import pose_html
-from cgroup._show.poses import pose_lines
+from cgroup._show.words import pose_lines
 from cgroup.datasets import standin_pair
 from cgroup.io import read_cloud, write_cloud
 from cgroup.rigid import apply, invert

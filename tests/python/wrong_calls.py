@@ -82,7 +82,6 @@ WRONG_CALLS: dict[str, list[Callable[[Any], Any]]] = {
         f"cgroup.datasets.Dataset.{name}": [lambda _, name=name: getattr(STONES, name)("nonsense")]
         for name in ("load", "origin_of", "protocols_of", "subject_of", "check_name")
     },
-    "cgroup.datasets.Dataset.measure_facts": [lambda _: STONES.measure_facts("nonsense", bound=2)],
     "cgroup.datasets.MatchingProblem.subset": [given(PROBLEM, np.array([12]))],
     "cgroup.datasets.data_root": [given(NOWHERE)],
     "cgroup.datasets.make_problem": [given(np.random.default_rng(0), -1)],
@@ -101,7 +100,6 @@ WRONG_CALLS: dict[str, list[Callable[[Any], Any]]] = {
     ],
     "cgroup.plots.registration_figure": [drawn(pose=np.eye(3)), drawn(rows=13)],
     "cgroup.pages.comparison_page": [given(CLOUD, CLOUD, BARE, [], np.eye(4))],
-    "cgroup.pages.log_to_rerun": [given(CLOUD, CLOUD, BARE, cgroup.nnsr([0.5]))],
     "cgroup.pages.registration_page": [given(CLOUD, CLOUD, 3)],
     "cgroup.pages.scene_page": [given(PAIR)],
     "cgroup.pages.write_page": [given(NOWHERE / "page.html", "")],

@@ -38,6 +38,15 @@ def as_points(name: str, value: object) -> FloatArray:
     return in_double(real_points(name, value))
 
 
+def finite_points(name: str, value: object) -> FloatArray:
+    """Return `value` as (n,3) float64; raise `InputError` if a coordinate is not finite."""
+    points = as_points(name, value)
+    if not np.isfinite(points).all():
+        row = int(np.argmin(np.isfinite(points).all(axis=1)))
+        raise InputError(name, f"a coordinate that isn't finite in row {row}", "leave such points out")
+    return points
+
+
 def in_double(array: RealArray) -> FloatArray:
     """Return `array` as float64; not copied where it is that already."""
     return array.astype(np.float64, copy=False)

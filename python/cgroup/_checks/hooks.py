@@ -13,7 +13,7 @@ _HOOKS = {
     "cloud": ("cgroup.io", "read_cloud"),
     "explanation": ("cgroup._explain", "explain_match"),
     "figure": ("cgroup.plots.matches", "figure_of"),
-    "chart": ("cgroup.pages.figure", "figure_of"),
+    "chart": ("cgroup.pages.matches", "figure_of"),
     "scene": ("cgroup.scenes.register_all", "add_scan"),
 }
 

@@ -11,14 +11,10 @@ from cgroup._show import words
 from cgroup.errors import NoConsensusError
 from cgroup.types import Agreement, Grouping
 
-_STATED_DIFFERENCE = 3.0
-"""Resolutions, where the method has no rule of its own."""
-
+_STATED_DIFFERENCE = 3.0  # resolutions, where the method has no rule of its own
 _STATED_RATIO = 0.9
 
-_ZERO_EDGE = 1e-12
-"""Share of a side's bounding box within which two of its points coincide."""
-
+_ZERO_EDGE = 1e-12  # share of a side's bounding box within which two of its points coincide
 _NOTES = {
     "cv": " (where a vote has fallen to 1/e)",
     "ransac": " (as any two do that one pose fits)",

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from html import escape
 
 from cgroup._checks.arrays import FloatArray
-from cgroup._show.poses import pose_lines
+from cgroup._show.words import pose_lines
 
 _BAR = 120  # pixels
 _KEPT = "#0072B2"

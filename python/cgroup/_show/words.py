@@ -1,9 +1,15 @@
-"""Numbers and lengths as sentences show them."""
+"""Numbers, lengths and poses as text."""
 
 from __future__ import annotations
 
-_FEWEST_DIGITS = 3
-_MOST_DIGITS = 17
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+_FEWEST_DIGITS, _MOST_DIGITS = 3, 17
+_EXACT = 1e-9  # part of its extent by which a printed pose may move a cloud elsewhere
+_NARROWEST = 12  # columns of a number of a pose
 
 
 def number(value: float) -> str:
@@ -43,3 +49,36 @@ def one_of(count: int, whole: str, total: int) -> str:
     """Write "none of the 41 others", "3 of the 41 others", "all of the 41 others"."""
     some = "all" if count == total and total else str(count or "none")
     return f"{some} of {whole.format(total)}"
+
+
+def pose_lines(pose: ArrayLike, middle: ArrayLike | None = None, extent: float | None = None) -> list[str]:
+    """Write a (4,4) transform row by row.
+
+    The decimals move points with this mean to within 1e-9 of `extent`, the diagonal of their box; without one
+    numbers are exact.
+    """
+    matrix = np.asarray(pose, dtype=float)
+    turning = shifting = None
+    if middle is not None and extent:
+        reach = float(np.linalg.norm(np.asarray(middle, dtype=float))) + extent
+        allowed = _EXACT * extent * float(np.linalg.norm(matrix[:3, 0]))
+        # Half a unit of the last decimal moves a point by up to 3 reach / 2, and by sqrt(3) / 2.
+        turning, shifting = _decimals(3 * reach / allowed), _decimals(math.sqrt(3) / allowed)
+    rows = [
+        [_show(number, shifting if k == 3 else turning) for k, number in enumerate(row)] for row in matrix
+    ]
+    width = max(_NARROWEST, *(len(number) for row in rows for number in row))
+    return [" ".join(f"{number:>{width}}" for number in row) for row in rows]
+
+
+def _decimals(ratio: float) -> int | None:
+    """Return how many decimals make rounding, of which one is allowed in so many units, small enough."""
+    return max(0, math.ceil(math.log10(ratio))) if 0 < ratio < math.inf else None
+
+
+def _show(number: float, decimals: int | None) -> str:
+    """Write a number as short as it is exact, or with so many decimals at most."""
+    if decimals is None or not math.isfinite(number):
+        return repr(float(number)).removesuffix(".0")
+    text = np.format_float_positional(number, precision=decimals, unique=True, trim="-")
+    return "0" if text == "-0" else text

@@ -23,8 +23,8 @@ from cgroup.datasets import (
     open_dataset,
 )
 from cgroup.errors import InputError
-from cgroup.evaluation import within
 from cgroup.evaluation.ground_truth import OVERLAP_WITHIN
+from cgroup.features import within
 from cgroup.registration import Descriptor, Detector
 from cgroup.rigid import apply
 from cgroup.types import FloatArray, RealArray

@@ -23,7 +23,7 @@ from scipy import stats
 
 from cgroup.benchmark.problem import keyed_rng
 from cgroup.datasets.generated_matches import GeneratedMatches
-from cgroup.evaluation.paired_tests import holm, mcnemar
+from cgroup.evaluation.recall_protocols import holm, mcnemar
 from cgroup.types import BoolArray, FloatArray, IndexArray
 
 if TYPE_CHECKING:  # slow to load

@@ -21,9 +21,9 @@ try:
         recognize,
         register,
     )
-    from cgroup.cli.failures import TRACEBACK, explain, print_failure
-    from cgroup.cli.show.terminal import print_line
-    from cgroup.cli.streams import guarded_output, write_error
+    from cgroup.cli.errors import TRACEBACK, explain, print_failure
+    from cgroup.cli.process import guarded_output, write_error
+    from cgroup.cli.terminal import print_line
 except ModuleNotFoundError as missing:
     sys.stderr.write(f"cgroup: the command line needs {missing.name}; pip install 'cgroup[scans]'\n")
     raise SystemExit(2) from None

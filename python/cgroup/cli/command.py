@@ -12,11 +12,10 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from cgroup import __version__
+from cgroup.cli.documents import Document, make_document, print_document
+from cgroup.cli.errors import PrintedRefusalError, reworded_errors
 from cgroup.cli.options import JSON, OUTPUT, SHARED, VERBOSE, WIDE
-from cgroup.cli.show.json import Document, make_document, print_document
-from cgroup.cli.show.terminal import paint
-from cgroup.cli.wording import reworded_errors
-from cgroup.errors import NoConsensusError
+from cgroup.cli.terminal import paint
 from cgroup.io.files import digests_of_inputs, keeping_inputs
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
@@ -25,18 +24,6 @@ _PRINTING = {"wide": WIDE, "verbose": VERBOSE}
 _LAST = (OUTPUT, "Options")
 _WIDEST_NAME = 34
 _KEEP = "\N{NO-BREAK SPACE}"
-
-
-class PrintedRefusalError(NoConsensusError):
-    """An unreliable result, which is printed and written all the same."""
-
-
-class RefusedPoseError(NoConsensusError):
-    """No reliable pose; `guess` describes the best one, as in a document."""
-
-    def __init__(self, message: str, guess: Document | None = None) -> None:  # a copy has it set
-        super().__init__(message)
-        self.guess = guess
 
 
 class _Help:

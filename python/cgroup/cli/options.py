@@ -114,12 +114,9 @@ VERBOSE = flag("--verbose", "Print voxel, matches and the time of each stage too
 WIDE = flag("--wide", "Print all columns, whatever their width.")
 HTML = flag("--html", "Write an interactive page for the browser too.", callback=_need_plotly)
 
+# Shared options of the paper's feature extraction.
 FRONT = ("detector", "descriptor", "normals", "keypoints", "nms_radius", "resolution")
-"""Shared options of the paper's feature extraction."""
-
-VIEW = ("viewpoint", "view_direction", "axis")
-"""Shared options about the scanner."""
-
+VIEW = ("viewpoint", "view_direction", "axis")  # shared options about the scanner
 SHARED: dict[str, tuple[Any, Any]] = {
     "voxel": _length(
         "Edge length of the voxels, in the files' unit; all radii are multiples of it.",

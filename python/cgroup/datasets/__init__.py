@@ -1,12 +1,19 @@
 """Data sets: pairs of clouds, or of matched points, with a true pose."""
 
-from cgroup.datasets.base import CorrespondencePair, Dataset, MatchingPair
+from cgroup.datasets.base import (
+    CorrespondencePair,
+    Dataset,
+    MatchingPair,
+    UnrelatedPair,
+    mirror,
+    mix,
+    mixed_names,
+)
 from cgroup.datasets.file_datasets import data_root
 from cgroup.datasets.generated.stones import standin_pair
+from cgroup.datasets.generated_matches import make_scene
 from cgroup.datasets.matching_problems import MatchingProblem, make_problem
-from cgroup.datasets.matching_scenes import make_scene
 from cgroup.datasets.registry import DATASETS, open_dataset
-from cgroup.datasets.unrelated import UnrelatedPair, mirror, mix, mixed_names
 
 __all__ = [
     "DATASETS",

@@ -1,7 +1,4 @@
-"""Bologna 3D Retrieval: whole models against whole, noisy copies of them.
-
-Tombari, Salti and Di Stefano: Unique signatures of histograms for local surface description, ECCV 2010.
-"""
+"""Bologna 3D Retrieval: whole models against whole, noisy copies of them."""
 
 from __future__ import annotations
 
@@ -18,8 +15,8 @@ from cgroup.io.files import load_text
 from cgroup.rigid import apply
 from cgroup.types import FloatArray, PointCloud
 
+# Of the published scenes; the unit is the mean edge length of the model's mesh, 1.4 to 1.6 pr.
 NOISE_LEVELS = (0.1, 0.3, 0.5)
-"""Of the published scenes; the unit is the mean edge length of the model's mesh, 1.4 to 1.6 pr."""
 
 
 class _Entry(NamedTuple):
@@ -56,7 +53,6 @@ class B3RClean(FileDataset[_Entry]):
         }
 
     def _needed(self, entry: _Entry) -> list[tuple[Path, ...]]:
-        """Name the model, its pose, and the published scene of the lowest noise."""
         try:
             config = _read_config(entry.config)
         except InputError:

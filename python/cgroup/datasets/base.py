@@ -1,4 +1,4 @@
-"""Base classes of data sets, and measures of their pairs."""
+"""The base class of data sets, their pairs, unrelated pairs made of them, and measures of pairs."""
 
 from __future__ import annotations
 
@@ -12,23 +12,18 @@ from typing import ClassVar, Literal, TypeAlias
 
 import numpy as np
 
-from cgroup._checks.values import as_length
 from cgroup.errors import InputError
-from cgroup.evaluation import clutter_and_occlusion, overlap, within
-from cgroup.evaluation.ground_truth import OVERLAP_WITHIN
-from cgroup.features import ORIGIN, Viewpoint, resolution
+from cgroup.evaluation import clutter_and_occlusion, overlap
+from cgroup.evaluation.ground_truth import OVERLAP_WITHIN, VISIBLE_WITHIN
+from cgroup.features import ORIGIN, Viewpoint, resolution, within
 from cgroup.rigid import apply, invert
 from cgroup.types import Correspondences, FloatArray, IndexArray, PointCloud
 
 Role: TypeAlias = Literal["full-full", "full-partial", "partial-partial", "correspondences"]
 Origin: TypeAlias = Literal["real", "semi-synthetic", "synthetic"]
 
-MIN_FITTING = 0.05
-"""A pose is rejected if it moves a smaller share of the source points onto the target."""
-
-FITTING_WITHIN = 2.0
-"""pr. A source point is on the target within this distance."""
-
+MIN_FITTING = 0.05  # A pose is rejected if it moves a smaller share of the source points onto the target
+FITTING_WITHIN = 2.0  # pr. A source point is on the target within this distance
 _FITTING_SAMPLE = 3000  # source points that a pose is checked with
 
 
@@ -51,6 +46,14 @@ class MatchingPair:
         for whole models, whose normals cannot all point towards one viewpoint.
     facts : mapping of str to float
         What is known: ``overlap``, ``clutter``, ``occlusion`` (0 to 1), ``noise`` (in the data set's unit).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup.datasets import MatchingPair, standin_pair
+    >>> scan = standin_pair(pixels=60).source
+    >>> MatchingPair("twice", scan, scan, np.eye(4), facts={"overlap": 1.0}).name
+    'twice'
     """
 
     name: str
@@ -85,6 +88,24 @@ class CorrespondencePair:
     facts: Mapping[str, float] = field(default_factory=dict[str, float])
 
 
+@dataclass(frozen=True, eq=False)
+class UnrelatedPair:
+    """Two clouds that no rigid motion aligns.
+
+    Attributes
+    ----------
+    source, target : PointCloud
+        In the same unit, each in its own frame.
+    source_viewpoint, target_viewpoint : (float, float, float)
+        Where the scanners stood, in their clouds' frames.
+    """
+
+    source: PointCloud
+    target: PointCloud
+    source_viewpoint: Viewpoint
+    target_viewpoint: Viewpoint
+
+
 class Dataset(ABC):
     """Named pairs with a true pose; subclasses set the class attributes.
 
@@ -95,7 +116,7 @@ class Dataset(ABC):
     role : {"full-full", "full-partial", "partial-partial", "correspondences"}
         What is matched with what.
     origin : {"real", "semi-synthetic", "synthetic"}
-        Where the clouds come from; `origin_of` returns it for a single pair, which may differ.
+        Where the clouds come from; see `origin_of` for a single pair.
     protocols : tuple of str
         Names in `cgroup.evaluation.PROTOCOLS` that make sense here; by default those for any unit.
     citation : str
@@ -157,39 +178,7 @@ class Dataset(ABC):
         -------
         MatchingPair or CorrespondencePair
             The same every time.
-
-        Raises
-        ------
-        InputError
-            If there is no such pair, or its files are invalid.
         """
-
-    def measure_facts(self, name: str, *, bound: float) -> Mapping[str, float]:
-        """Measure overlap, or clutter and occlusion, with another bound.
-
-        The paper's section 4.3 defines the three, and leaves the bound open.
-
-        Parameters
-        ----------
-        name : str
-            One of `pair_names`.
-        bound : float
-            Greatest distance of a point on a surface from it, in resolutions (mean of both clouds).
-
-        Returns
-        -------
-        mapping of str to float
-            ``overlap``, or ``clutter`` and ``occlusion``, of a pair that has them; published ones too.
-
-        Raises
-        ------
-        InputError
-            If there is no such pair, its files are invalid, or the bound is not a length.
-        """
-        pair = self.load(name)
-        if not isinstance(pair, MatchingPair) or "overlap" not in pair.facts:
-            return {}
-        return {"overlap": measure_overlap(pair.source, pair.target, pair.T_target_source, bound)}
 
     def lacking_pairs(self) -> Mapping[str, Path]:
         """Return the pairs that lack a file, with that file.
@@ -222,20 +211,12 @@ class Dataset(ABC):
     def origin_of(self, name: str) -> Origin:
         """Return where the clouds of one pair come from.
 
-        Parameters
-        ----------
-        name : str
-            One of `pair_names`.
+        The name is as for `load`.
 
         Returns
         -------
         {"real", "semi-synthetic", "synthetic"}
             That of the data set, unless a subclass overrides it.
-
-        Raises
-        ------
-        InputError
-            If there is no such pair.
         """
         self.check_name(name)
         return self.origin
@@ -243,20 +224,12 @@ class Dataset(ABC):
     def protocols_of(self, name: str) -> tuple[str, ...]:
         """Return the registration protocols that make sense for one pair.
 
-        Parameters
-        ----------
-        name : str
-            One of `pair_names`.
+        The name is as for `load`.
 
         Returns
         -------
         tuple of str
             Names in `cgroup.evaluation.PROTOCOLS`; those of the data set, unless a subclass overrides it.
-
-        Raises
-        ------
-        InputError
-            If there is no such pair.
         """
         self.check_name(name)
         return self.protocols
@@ -264,20 +237,12 @@ class Dataset(ABC):
     def subject_of(self, name: str) -> str:
         """Return what a pair shows; pairs of different subjects share nothing.
 
-        Parameters
-        ----------
-        name : str
-            One of `pair_names`.
+        The name is as for `load`.
 
         Returns
         -------
         str
             The data set's name unless a subclass overrides it: all pairs may show the same thing.
-
-        Raises
-        ------
-        InputError
-            If there is no such pair.
         """
         self.check_name(name)
         return self.name
@@ -285,15 +250,7 @@ class Dataset(ABC):
     def check_name(self, name: str) -> None:
         """Raise for the name of a pair that does not exist.
 
-        Parameters
-        ----------
-        name : str
-            One of `pair_names`.
-
-        Raises
-        ------
-        InputError
-            If there is no such pair.
+        The name is as for `load`.
         """
         names = self.pair_names()
         if name in self.lacking_pairs():
@@ -304,30 +261,89 @@ class Dataset(ABC):
             raise InputError(message)
 
 
+def mixed_names(dataset: Dataset) -> list[tuple[str, str]]:
+    """List pairs of different subjects, whose source and target share nothing.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        Its `subject_of` names the subject of each pair.
+
+    Returns
+    -------
+    list of (str, str)
+        Names of the pairs that give the source and the target, always in the same order.
+    """
+    subjects = {name: dataset.subject_of(name) for name in dataset.pair_names()}
+    return [
+        (first, second) for first in subjects for second in subjects if subjects[first] != subjects[second]
+    ]
+
+
+def mix(first: MatchingPair, second: MatchingPair) -> UnrelatedPair:
+    """Put the source of one pair beside the target of another.
+
+    Parameters
+    ----------
+    first, second : MatchingPair
+        Pairs that show different things, such as `mixed_names` lists.
+
+    Returns
+    -------
+    UnrelatedPair
+        The first's source and the second's target, with their viewpoints.
+    """
+    return UnrelatedPair(first.source, second.target, first.source_viewpoint, second.target_viewpoint)
+
+
+def mirror(pair: MatchingPair) -> UnrelatedPair:
+    """Reflect the target at the plane x = 0, and its viewpoint with it.
+
+    Unless the shape is mirror-symmetric, no pose fits then. Faces and normals are dropped.
+
+    Parameters
+    ----------
+    pair : MatchingPair
+        Of two clouds that overlap.
+
+    Returns
+    -------
+    UnrelatedPair
+        The source as it is, and the mirrored target.
+    """
+    x, y, z = pair.target_viewpoint
+    target = PointCloud(pair.target.points * np.array([-1.0, 1.0, 1.0]))
+    return UnrelatedPair(pair.source, target, pair.source_viewpoint, (-x, y, z))
+
+
+def view_pair(
+    name: str, source: PointCloud, target: PointCloud, pose: FloatArray, viewpoint: Viewpoint = ORIGIN
+) -> MatchingPair:
+    """Return a pair of views with their overlap; both have the same viewpoint."""
+    facts = {"overlap": measure_overlap(source, target, pose)}
+    return MatchingPair(name, source, target, pose, viewpoint, viewpoint, facts=facts)
+
+
 def mean_resolution(source: PointCloud, target: PointCloud) -> float:
     """Return the mean of the resolutions of two clouds, the unit of bounds for both."""
     return (resolution(source.points) + resolution(target.points)) / 2
 
 
-def measure_overlap(
-    source: PointCloud, target: PointCloud, T_target_source: FloatArray, bound: float = OVERLAP_WITHIN
-) -> float:
-    """Overlap of two views, with a bound in units of the mean of their resolutions."""
-    pr = mean_resolution(source, target)
-    return overlap(source.points, target.points, T_target_source, tolerance=as_length("bound", bound) * pr)
+def measure_overlap(source: PointCloud, target: PointCloud, T_target_source: FloatArray) -> float:
+    """Return the overlap of two views, within 4 pr."""
+    tolerance = OVERLAP_WITHIN * mean_resolution(source, target)
+    return overlap(source.points, target.points, T_target_source, tolerance=tolerance)
 
 
-def measure_clutter(
-    model: PointCloud, scene: PointCloud, T_scene_model: FloatArray, bound: float
-) -> dict[str, float]:
-    """Clutter and occlusion of a model in a scene, two meshes, with a bound as in `measure_overlap`."""
+def measure_clutter(model: PointCloud, scene: PointCloud, T_scene_model: FloatArray) -> dict[str, float]:
+    """Return clutter and occlusion of a model in a scene, two meshes, within 2 pr."""
     clutter, occlusion = clutter_and_occlusion(
         model.points,
         faces_of(model),
         scene.points,
         faces_of(scene),
         T_scene_model,
-        tolerance=as_length("bound", bound) * mean_resolution(model, scene),
+        tolerance=VISIBLE_WITHIN * mean_resolution(model, scene),
     )
     return {"clutter": clutter, "occlusion": occlusion}
 
@@ -349,12 +365,7 @@ def posed_pair(
 
 
 def fitting_pose(
-    pose: FloatArray,
-    source: PointCloud,
-    target: PointCloud,
-    *,
-    origin: str,
-    tolerance: float | None = None,
+    pose: FloatArray, source: PointCloud, target: PointCloud, *, origin: str, tolerance: float | None = None
 ) -> FloatArray:
     """Return the pose or its inverse, whichever moves more of the source onto the target.
 

@@ -1,35 +1,36 @@
-"""Matches and LiDAR scans with a pose, as registration methods publish them with their demos.
-
-Geiger, Lenz and Urtasun: Are we ready for autonomous driving? The KITTI vision benchmark suite, CVPR 2012.
-Pomerleau et al.: Challenging data sets for point cloud registration algorithms, IJRR 2012 (ETH).
-"""
+"""Matches, LiDAR scans and range views with a pose, as registration methods publish them with their code."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from cgroup import features
-from cgroup.datasets.base import CorrespondencePair, MatchingPair, fitting_pose
+from cgroup.datasets.base import CorrespondencePair, MatchingPair, fitting_pose, mean_resolution, view_pair
 from cgroup.datasets.file_datasets import FileDataset
+from cgroup.errors import InputError
 from cgroup.evaluation import overlap
 from cgroup.evaluation.ground_truth import CORRECT_WITHIN
 from cgroup.io import read_cloud, read_correspondences, read_transform
-from cgroup.types import Correspondences
+from cgroup.io.files import read_content
+from cgroup.io.numpy_files import read_arrays
+from cgroup.io.transforms import read_log
+from cgroup.types import Correspondences, FloatArray, IndexArray, PointCloud
 
 TCF_URL = "https://github.com/ShiPC-AI/TCF"
 
-INDOOR_INLIER = 0.1
-"""Inlier distance of 3DMatch in m."""
+_INLIER = {"3DMatch": 0.1, "KITTI": 0.6, "ETH": 0.3}  # m, inlier distances that are usual on these data
 
-OUTDOOR_INLIER = 0.6
-"""Inlier distance of KITTI in m."""
+# Overlap of LiDAR scans counts points within a voxel of the size that leaves the scans about so many.
+_VOXELS = 5000
 
-TERRESTRIAL_INLIER = 0.3
-"""Inlier distance of ETH's scans in m."""
-
-VOXELS = 5000
-"""Overlap of LiDAR scans counts points within a voxel of the size that leaves the scans about so many."""
+# Of the target and the source: gt.log maps cloud 1 into the frame of cloud 0.
+_CLOUDS = ("Depth_0000.ply", "Depth_0001.ply")
+_FEATURES = ("features_0000.bin", "features_0001.bin")
+_NEIGHBORS = "fpfh_nn.npz"
 
 
 class _Scans(NamedTuple):
@@ -52,10 +53,7 @@ class CorrespondenceFiles(FileDataset[_Matches]):
     The resolution is a fifth of the inlier distance that the matches' makers use, so that 5 pr, the usual
     threshold here, is that distance. Methods that need a ratio or frames can't be run: there are none.
 
-    The folder ``corr`` holds folders in one of two layouts: ``corr.txt`` (six columns) with ``GTmat.txt``, as
-    MAC and SuperRANSAC have them, taken to be of 3DMatch; or ``<id>_fpfh_kpts_src.txt``,
-    ``<id>_fpfh_kpts_dst.txt`` and ``<id>_trans.txt``, as TurboReg has them, taken to be of KITTI. Pairs are
-    named as the folders, with the number of the pair where a folder holds several.
+    Files of MAC and SuperRANSAC are taken to be of 3DMatch, those of TurboReg to be of KITTI.
     """
 
     name, title = "corr", "Correspondence files"
@@ -92,16 +90,13 @@ class CorrespondenceFiles(FileDataset[_Matches]):
         homes = sorted(path.parent for name in ("corr.txt", "GTmat.txt") for path in self._folder.rglob(name))
         for home in homes:
             files = home / "corr.txt", None, home / "GTmat.txt"
-            pairs[self._name_of(home)] = _Matches(*files, INDOOR_INLIER, "3dmatch")
+            pairs[self._name_of(home)] = _Matches(*files, _INLIER["3DMatch"], "3dmatch")
         ending = "_fpfh_kpts_src.txt"
         for source in sorted(self._folder.rglob(f"*{ending}")):
             stem = source.with_name(source.name.removesuffix(ending))
             files = source, _with(stem, "_fpfh_kpts_dst.txt"), _with(stem, "_trans.txt")
-            pairs[self._name_of(stem)] = _Matches(*files, OUTDOOR_INLIER, "kitti")
+            pairs[self._name_of(stem)] = _Matches(*files, _INLIER["KITTI"], "kitti")
         return pairs
-
-    def _needed(self, entry: _Matches) -> list[tuple[Path, ...]]:
-        return [(path,) for path in (entry.source, entry.target, entry.pose) if path is not None]
 
     def _name_of(self, path: Path) -> str:
         return path.relative_to(self._folder).as_posix()
@@ -110,8 +105,7 @@ class CorrespondenceFiles(FileDataset[_Matches]):
 class OneToThreeFiles(CorrespondenceFiles):
     """Ready-made matches of every source point with its three nearest, with a pose; LiDAR, unit m.
 
-    The folder ``corr`` holds ``<source>_<target>_top3.match`` (six columns) beside
-    ``<source>-<target>.pose``, as TCF has them; of KITTI where the folder's name says so, else of ETH.
+    Files of TCF: of KITTI if the folder's name contains that, else of ETH.
     """
 
     name, title = "corr-three", "One-to-three correspondence files"
@@ -126,7 +120,7 @@ class OneToThreeFiles(CorrespondenceFiles):
         pairs: dict[str, _Matches] = {}
         for pose in sorted(self._folder.rglob("*-*.pose")):
             matches = pose.with_name(f"{pose.stem.replace('-', '_', 1)}_top3.match")
-            near = OUTDOOR_INLIER if "kitti" in pose.parent.name else TERRESTRIAL_INLIER
+            near = _INLIER["KITTI"] if "kitti" in pose.parent.name else _INLIER["ETH"]
             pairs[self._name_of(pose.with_suffix(""))] = _Matches(matches, None, pose, near, "kitti")
         return pairs
 
@@ -135,13 +129,7 @@ class LidarScans(FileDataset[_Scans]):
     """Pairs of LiDAR scans, each in its sensor's frame; unit m.
 
     LiDAR scans are dense along a ring and sparse across, so that the mean distance of nearest points says
-    little; the fact ``overlap`` counts points within a voxel, see `VOXELS`.
-
-    The folders ``lidar`` and ``corr`` hold files in one of three layouts: ``<name>_source.ply``,
-    ``<name>_target.ply`` and ``<name>_T_target_source.txt``; ``<number>_pts_src.ply``,
-    ``<number>_pts_dst.ply`` and ``<number>_trans.txt``, as TurboReg has them; ``<source>-<target>.pose``
-    beside ``<source>_*.pcd`` and ``<target>_*.pcd``, as TCF has them. Pairs are named by the path below the
-    data root, with the name or number of the pair.
+    little; the fact ``overlap`` counts points within a voxel, see `_VOXELS`.
     """
 
     name, title = "lidar", "LiDAR scans"
@@ -166,7 +154,7 @@ class LidarScans(FileDataset[_Scans]):
         """Read two scans, and compute their overlap."""
         files = self._entry(name)
         source, target = read_cloud(files.source), read_cloud(files.target)
-        near = features.choose_voxel(source.points, target.points, voxels=VOXELS)
+        near = features.choose_voxel(source.points, target.points, voxels=_VOXELS)
         pose = fitting_pose(read_transform(files.pose), source, target, tolerance=near, origin=name)
         shared = overlap(source.points, target.points, pose, tolerance=near)
         return MatchingPair(name, source, target, pose, facts={"overlap": shared})
@@ -198,8 +186,103 @@ class LidarScans(FileDataset[_Scans]):
                 )
         return pairs
 
-    def _needed(self, entry: _Scans) -> list[tuple[Path, ...]]:
-        return [(entry.source,), (entry.target,)]
+
+class _FGRPairs(FileDataset[Path]):
+    """Pairs in folders, named as these; what is made of them is left to subclasses."""
+
+    origin = "synthetic"
+    citation = "Zhou, Park, Koltun: Fast global registration, ECCV 2016"
+    folder, example = "fgr", "pairwise_noise_xyz_level_01_01_rot_05/gt.log"
+    url = "https://github.com/isl-org/FastGlobalRegistration (folder dataset)"
+
+    def _list_pairs(self) -> dict[str, Path]:
+        return {path.parent.name: path.parent for path in sorted(self._folder.rglob("gt.log"))}
+
+    def _needed(self, entry: Path) -> list[tuple[Path, ...]]:
+        return [(entry / file,) for file in _CLOUDS]
+
+    def _read(self, name: str) -> tuple[PointCloud, PointCloud, FloatArray]:
+        folder = self._entry(name)
+        target, source = (read_cloud(folder / file) for file in _CLOUDS)
+        pose = read_log(folder / "gt.log").get((0, 1))
+        if pose is None:
+            message = f"{folder / 'gt.log'}: has no pose of cloud 1 in the frame of cloud 0"
+            raise InputError(message)
+        return source, target, pose
+
+
+class FGR(_FGRPairs):
+    """Matches of FPFH features that are nearest to each other, as FGR begins with; synthetic range data.
+
+    They have a ratio, but neither a similarity nor frames.
+    """
+
+    name, title, role = "fgr", "FGR", "correspondences"
+    protocols = ("precision>0.1",)
+
+    def _needed(self, entry: Path) -> list[tuple[Path, ...]]:
+        return [*super()._needed(entry), *((entry / file, entry / _NEIGHBORS) for file in _FEATURES)]
+
+    def load(self, name: str) -> CorrespondencePair:
+        """Read both clouds, and match their features."""
+        source, target, pose = self._read(name)
+        folder = self._entry(name)
+        rows, partners, ratio = _matches(folder)
+        if len(rows) and (rows.max() >= len(source) or partners.max() >= len(target)):
+            message = f"{folder}: the features belong to other clouds; there are fewer points than features"
+            raise InputError(message)
+        matches = Correspondences(
+            source.points[rows],
+            target.points[partners],
+            ratio=ratio,
+            resolution=mean_resolution(source, target),
+            source_centroid=source.points.mean(axis=0),
+        )
+        return CorrespondencePair(name, matches, pose)
+
+
+class FGRClouds(_FGRPairs):
+    """The clouds of FGR's pairs, without the features; synthetic, the viewpoints aren't known."""
+
+    name, title, role = "fgr-clouds", "FGR's clouds", "partial-partial"
+
+    def load(self, name: str) -> MatchingPair:
+        """Read both clouds, and compute their overlap."""
+        source, target, pose = self._read(name)
+        return view_pair(name, source, target, pose)
+
+
+def _matches(folder: Path) -> tuple[IndexArray, IndexArray, FloatArray]:
+    neighbors = folder / _NEIGHBORS
+    if neighbors.is_file():
+        return _mutual(neighbors)
+    target, source = (_read_features(folder / file) for file in _FEATURES)
+    found = features.match(source, target, mutual=True)
+    return found.source_indices, found.target_indices, found.ratio
+
+
+def _mutual(path: Path) -> tuple[IndexArray, IndexArray, FloatArray]:
+    try:
+        arrays = read_arrays(path, ("src1_to_0", "src0_to_1", "ratio1"))
+        forward, backward = (arrays[name].astype(np.int64) for name in ("src1_to_0", "src0_to_1"))
+        ratio = arrays["ratio1"].astype(np.float64)
+        rows = np.flatnonzero(backward[forward] == np.arange(len(forward)))
+    except (ValueError, IndexError) as error:
+        message = f"{path}: not nearest neighbours of features both ways ({error})"
+        raise InputError(message) from error
+    return rows, forward[rows], ratio[rows]
+
+
+def _read_features(path: Path) -> NDArray[np.float32]:
+    """Read FGR's format: two int32 (points, dimensions); per point, x y z and its feature in float32."""
+    content = read_content(path)
+    whole = content[: len(content) // 4 * 4].ljust(8, b"\0")
+    count, dimensions = (int(number) for number in np.frombuffer(whole[:8], dtype="<i4"))
+    numbers = np.frombuffer(whole[8:], dtype="<f4")
+    if min(count, dimensions) < 1 or len(numbers) != count * (3 + dimensions):
+        message = f"{path}: declares {count} points of {dimensions} numbers, but has {len(numbers)} numbers"
+        raise InputError(message)
+    return numbers.reshape(count, 3 + dimensions)[:, 3:].astype(np.float32)
 
 
 def _with(stem: Path, ending: str) -> Path:

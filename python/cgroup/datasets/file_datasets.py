@@ -1,4 +1,4 @@
-"""Data sets in files, and the search for them."""
+"""Data sets in files, the folder that holds them, and its manifest."""
 
 from __future__ import annotations
 
@@ -6,21 +6,27 @@ import os
 from abc import abstractmethod
 from collections.abc import Iterable
 from pathlib import Path
-from typing import ClassVar, Generic, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar, cast
 
 from cgroup.datasets.base import Dataset
 from cgroup.errors import InputError
+from cgroup.io.files import load_json, load_text
 
 Entry = TypeVar("Entry")
 
 
 class FileDataset(Dataset, Generic[Entry]):
-    """Pairs in files of one folder: a subclass lists them and the files of each, and reads one."""
+    """Pairs in files of one folder: a subclass lists them and the files of each, and reads one.
+
+    docs/datasets.md has the layout of each folder.
+    """
 
     folder: ClassVar[str]
     """Its name below the data root."""
     url: ClassVar[str]
     """Where to get the files."""
+    inside: ClassVar[str] = ""
+    """A folder of the root itself, which then takes the place of a missing `folder`; empty for none."""
     example: ClassVar[str] = ""
     """A file of the folder, for the error where no pair is listed; empty where that is none."""
 
@@ -39,6 +45,8 @@ class FileDataset(Dataset, Generic[Entry]):
 
     def _find_folder(self, root: Path) -> Path:
         path = root / self.folder
+        if self.inside and not path.is_dir() and (root / self.inside).is_dir():
+            return root
         if not path.is_dir():
             got = f"{path}: no such folder, so {self.title} isn't there"
             message = f"{got}; get it from {self.url} (docs/datasets.md)"
@@ -50,8 +58,8 @@ class FileDataset(Dataset, Generic[Entry]):
         """List all pairs by name, those too that lack files."""
 
     def _needed(self, entry: Entry) -> Iterable[tuple[Path, ...]]:
-        """Return the files of a pair, each as the places that it may be in; an error names the first."""
-        raise NotImplementedError
+        """Return the files of a pair, each as the places that it may be in: the paths in a tuple entry."""
+        return [(each,) for each in cast("tuple[object, ...]", entry) if isinstance(each, Path)]
 
     def _find_lacking(self, entry: Entry) -> Path | None:
         lacking = (places[0] for places in self._needed(entry) if not any(map(Path.is_file, places)))
@@ -62,7 +70,6 @@ class FileDataset(Dataset, Generic[Entry]):
         return self._pairs[name]
 
     def _locate(self, places: tuple[Path, ...]) -> Path:
-        """Return the first place where there is a file."""
         found = next(filter(Path.is_file, places), None)
         if found is None:
             raise self._missing(places[0])
@@ -74,7 +81,7 @@ class FileDataset(Dataset, Generic[Entry]):
 
 
 def data_root(given: Path | str | None = None) -> Path:
-    """Folder that holds the data sets' folders.
+    """Return the folder that holds the data sets' folders.
 
     Parameters
     ----------
@@ -86,10 +93,11 @@ def data_root(given: Path | str | None = None) -> Path:
     Path
         An existing folder.
 
-    Raises
-    ------
-    InputError
-        If neither is given, or the folder doesn't exist.
+    Examples
+    --------
+    >>> from cgroup.datasets import data_root
+    >>> data_root(".").is_dir()
+    True
     """
     value = given if given is not None else os.environ.get("CGROUP_DATA")
     if not value:
@@ -104,3 +112,19 @@ def data_root(given: Path | str | None = None) -> Path:
         message = f"{root}: no such folder{source}; give the one that holds the data sets' folders"
         raise InputError(message)
     return root
+
+
+def manifest_pairs(root: Path, dataset: str) -> list[dict[str, Any]]:
+    """Pairs of a data set in the root's ``manifest.json``, for data without a list by their owners."""
+    path = root / "manifest.json"
+    if not path.is_file():
+        return []
+    try:
+        entries: Any = load_json(load_text(path))
+    except ValueError as error:
+        message = f"{path}: not a readable manifest ({error})"
+        raise InputError(message) from error
+    if not isinstance(entries, dict) or not isinstance(entries.get(dataset, {}), dict):
+        message = f"{path}: has to be an object with one object per data set"
+        raise InputError(message)
+    return entries[dataset]["pairs"] if entries.get(dataset) else []

@@ -1,17 +1,162 @@
-"""Generated matches as a data set: the name of a pair holds its parameters."""
+"""Matches drawn at random: problems that are hard in one way, and a data set of them.
+
+`SCENES` change the wrong matches of a problem. The name of a pair of the data set holds its parameters.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import itertools
 import re
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cgroup.datasets.base import CorrespondencePair, Dataset
-from cgroup.datasets.matching_scenes import FRAMES, SCENES, make_scene
+from cgroup.datasets.matching_problems import (
+    CORRECT_WITHIN,
+    MatchingProblem,
+    are_near,
+    judged,
+    make_problem,
+    random_rotations,
+)
 from cgroup.errors import InputError
+from cgroup.rigid import apply
+from cgroup.types import FloatArray
+
+_RIVALS = 0.8  # matches that follow a rival of the true motion, per match that follows the true one
+_ROOM = 150.0  # pr, edge length of the walls
+_CANDIDATES = 3  # of each source point, in one-to-three problems
+
+FRAMES = {
+    "good": {"frame_error": 8.0, "random_frames": 0.1},
+    "bad": {"frame_error": 30.0, "random_frames": 0.7},
+    "none": {},
+}
+"""Arguments of `make_problem` by the quality of the frames; ``none`` leaves the frames out."""
+
+
+def make_scene(
+    rng: np.random.Generator, n: int, *, inliers: float, noise: float, scene: str, frames: str
+) -> MatchingProblem:
+    """Draw a matching problem that is hard in one way.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        The only source of randomness.
+    n : int
+        Number of matches; up to two more in ``one-to-three``.
+    inliers, noise : float
+        Share of right ones, and their standard deviation per axis in pr.
+    scene : {"uniform", "second-pose", "planes", "mirror", "one-to-three"}
+        What wrong matches do: lie anywhere; follow a second motion, 0.8 for each right one; lie, as all
+        points, on a few walls; follow a mirrored motion; or share their source point, three by three.
+    frames : {"good", "bad", "none"}
+        Whether local reference frames are off by 8 degrees and 10 % unrelated, or by 30 degrees and 70 %;
+        with "none" they are all missing (NaN).
+
+    Returns
+    -------
+    MatchingProblem
+        Its arrays are the caller's own.
+    """
+    for name, given, known in (("scene", scene, SCENES), ("frames", frames, FRAMES)):
+        if given not in known:
+            raise InputError(name, f"{given!r}", f"choose one of {', '.join(known)}")
+    share = _CANDIDATES * inliers if scene == "one-to-three" else inliers
+    if share > 1:
+        raise InputError("inliers", inliers, "of one-to-three matches at most a third is right")
+    problem = make_problem(rng, n, inlier_ratio=share, noise=noise, **FRAMES[frames])
+    made = SCENES[scene](rng, problem)
+    if frames == "none":
+        missing = np.full_like(made.source_lrf, np.nan)
+        made = replace(made, source_lrf=missing, target_lrf=missing.copy())
+    return replace(made, recipe=f"{scene}, n={n}, inliers={inliers}, noise={noise}, frames={frames}")
+
+
+def _planes(rng: np.random.Generator, problem: MatchingProblem) -> MatchingProblem:
+    """Put all points on a floor and two walls, where many wrong matches agree with each other by chance.
+
+    Right matches keep their noise.
+    """
+    scale, right = problem.resolution, problem.inlier_mask
+    source = _on_walls(rng, len(problem)) * scale
+    noise = problem.target - apply(problem.T_target_source, problem.source)
+    others = _on_walls(rng, len(problem)) * scale
+    near = are_near(source, others, CORRECT_WITHIN * scale)  # these would be right by accident
+    partners = np.where(near, np.roll(others, 1, axis=0), others)
+    target = apply(problem.T_target_source, np.where(right[:, None], source, partners))
+    target[right] += noise[right]
+    centroid = source.mean(axis=0) if len(source) else problem.source_centroid
+    return judged(replace(problem, source=source, target=target, source_centroid=centroid))
+
+
+def _one_to_three(rng: np.random.Generator, problem: MatchingProblem) -> MatchingProblem:
+    """Give every source point three partners in a row, at most one of them right.
+
+    Two thirds of the matches are new ones, so that their share of right ones falls to a third; a problem of
+    as many matches as before is returned, or one or two more.
+    """
+    kept = rng.permutation(len(problem))[: -(-len(problem) // _CANDIDATES)]
+    groups = np.repeat(kept, _CANDIDATES)
+    # The first of each three stays; the partners of the others are those of other matches.
+    partners = rng.integers(0, max(len(problem), 1), size=len(groups))
+    partners[::_CANDIDATES] = kept
+    first = np.arange(len(groups)) % _CANDIDATES == 0
+    rows = problem.subset(groups)
+    unlike = rng.beta(9.0, 1.2, len(groups))
+    tripled = replace(
+        rows,
+        target=problem.target[partners],
+        target_lrf=problem.target_lrf[partners],
+        ratio=np.where(first, rows.ratio, np.maximum(rows.ratio, unlike)),
+        similarity=np.where(first, rows.similarity, rng.beta(4.0, 3.0, len(groups))),
+    )
+    order = np.argsort(rng.random((len(kept), _CANDIDATES)), axis=1)  # within each three
+    return judged(tripled.subset((order + _CANDIDATES * np.arange(len(order))[:, None]).ravel()))
+
+
+SCENES: dict[str, Callable[[np.random.Generator, MatchingProblem], MatchingProblem]] = {
+    "uniform": lambda _, problem: problem,
+    "second-pose": lambda rng, problem: _rival(rng, problem, (1.0, 1.0, 1.0)),
+    "planes": _planes,
+    "mirror": lambda rng, problem: _rival(rng, problem, (-1.0, 1.0, 1.0)),
+    "one-to-three": _one_to_three,
+}
+"""What wrong matches are like, by name."""
+
+
+def _rival(
+    rng: np.random.Generator, problem: MatchingProblem, flip: tuple[float, float, float]
+) -> MatchingProblem:
+    """Let wrong matches follow another motion, `_RIVALS` for each right one, beside the true image.
+
+    Mirrored ones keep all distances, but no rigid motion explains them.
+    """
+    rotation = random_rotations(rng, 1)[0]
+    moved = (problem.source * np.array(flip)) @ rotation.T
+    wrong = np.flatnonzero(~problem.inlier_mask)
+    wanted = round(_RIVALS * np.count_nonzero(problem.inlier_mask))
+    chosen = rng.permutation(wrong)[:wanted]
+    right = problem.inlier_mask
+    noise = problem.target[right] - apply(problem.T_target_source, problem.source[right])
+    spread = float(noise.std()) if len(noise) else 0.0
+    target, frames = problem.target.copy(), problem.target_lrf.copy()
+    center = apply(problem.T_target_source, problem.source).mean(axis=0) if len(target) else np.zeros(3)
+    shift = center - moved.mean(axis=0) if len(moved) else center
+    target[chosen] = moved[chosen] + shift + rng.normal(scale=spread, size=(len(chosen), 3))
+    frames[chosen] = problem.source_lrf[chosen] @ rotation.T
+    return judged(replace(problem, target=target, target_lrf=frames))
+
+
+def _on_walls(rng: np.random.Generator, n: int) -> FloatArray:
+    points = rng.random((n, 3)) * _ROOM
+    points[np.arange(n), rng.integers(0, 3, size=n)] = 0.0
+    return points
+
 
 _NUMBER = r"[0-9.]+(?:e-?[0-9]+)?"
 _NAME = re.compile(

@@ -1,8 +1,4 @@
-"""KITTI's odometry sequences: pairs of LiDAR scans some 10 m apart, the usual registration benchmark.
-
-Geiger, Lenz and Urtasun: Are we ready for autonomous driving? The KITTI vision benchmark suite, CVPR 2012.
-Choy, Park and Koltun: Fully convolutional geometric features, ICCV 2019 (the pairs).
-"""
+"""KITTI's odometry sequences: pairs of LiDAR scans some 10 m apart, the usual registration benchmark."""
 
 from __future__ import annotations
 
@@ -20,15 +16,9 @@ from cgroup.rigid import check_rigid, invert
 from cgroup.types import FloatArray, PointCloud
 from cgroup.verification import FineSurface, align
 
-SEQUENCES = (8, 9, 10)
-"""The test sequences."""
-
-DISTANCE = 10.0
-"""A scan is paired with the last one before the scanner is farther away than this, in m."""
-
-LEFT_OUT = frozenset({(8, 15, 58)})
-"""Pairs whose pose is known to be wrong."""
-
+SEQUENCES = (8, 9, 10)  # the test sequences
+DISTANCE = 10.0  # A scan is paired with the last one before the scanner is farther away than this, in m
+LEFT_OUT = frozenset({(8, 15, 58)})  # pairs whose pose is known to be wrong
 _AHEAD = 100  # scans that are looked through for a partner
 _FINE_SPACING = 0.3  # m, of the surfaces on which poses are refined
 
@@ -44,16 +34,13 @@ class KITTI(FileDataset[_Entry]):
 
     The odometry's poses are some decimetres off. They are replaced by those in ``icp``, where FCGF has left
     its refined ones, or else refined here by `cgroup.verification.align`.
-
-    The folder ``kitti``, or the root itself, holds ``sequences/08/velodyne/*.bin``,
-    ``sequences/08/calib.txt`` and ``poses/08.txt``; ``icp/8_0_13.npy`` may be there.
     """
 
     name, title = "kitti", "KITTI odometry"
     role, origin, single_views = "partial-partial", "real", True
     protocols = ("precision>0.1", "kitti", "kitti-2m")
     citation = "Geiger et al.: KITTI, CVPR 2012; Choy et al.: FCGF, ICCV 2019 (pairs)"
-    folder, example = "kitti", "sequences/08/velodyne/000000.bin"
+    folder, inside, example = "kitti", "sequences", "sequences/08/velodyne/000000.bin"
     url = "https://www.cvlibs.net/datasets/kitti/eval_odometry.php"
 
     def load(self, name: str) -> MatchingPair:
@@ -68,10 +55,6 @@ class KITTI(FileDataset[_Entry]):
         absent = ", ".join(path.name for path in files if not path.is_file())
         poses = f"no pairs are known of sequences without poses ({absent})" if absent else ""
         return "; ".join(filter(None, (super().note(), poses)))
-
-    def _find_folder(self, root: Path) -> Path:
-        inside = not (root / self.folder).is_dir() and (root / "sequences").is_dir()
-        return root if inside else super()._find_folder(root)
 
     def _list_pairs(self) -> dict[str, _Entry]:
         """List the pairs, which depend on the poses alone."""
@@ -113,7 +96,7 @@ class KITTI(FileDataset[_Entry]):
 def pair_scans(places: FloatArray) -> list[tuple[int, int]]:
     """Pair scans as 3DFeatNet and FCGF do: from each on to the last before the scanner is `DISTANCE` away.
 
-    Where it stood is given as (m,3); the next pair begins behind the target.
+    `places` (m,3) are those of the scanner; the next pair begins behind the target.
     """
     pairs: list[tuple[int, int]] = []
     source = 0

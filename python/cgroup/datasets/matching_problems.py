@@ -1,8 +1,7 @@
 """Random matching problems with a known answer: matches between a bumpy ellipsoid and its moved copy.
 
-No clouds, detectors or descriptors are involved: points, frames, similarities and ratios are drawn directly,
-so that problems of any size and share of inliers take no time. The tests and the comparison with other
-libraries run on these; in Rust ``tests/common/mod.rs`` draws from the same distribution.
+Points, frames, similarities and ratios are drawn directly, without clouds. In Rust ``tests/common/mod.rs``
+draws from the same distribution.
 """
 
 from __future__ import annotations
@@ -17,9 +16,7 @@ from cgroup.rigid import apply
 from cgroup.rigid.transforms import turn
 from cgroup.types import BoolArray, Correspondences, FloatArray
 
-CORRECT_WITHIN = 5.0
-"""pr. A match is correct where the true pose leaves no greater distance."""
-
+CORRECT_WITHIN = 5.0  # pr. A match is correct where the true pose leaves no greater distance
 _AXES = np.array([1.0, 0.7, 0.5])  # of the ellipsoid, in units of the longest
 _DISTANCE = 50.0  # pr, standard deviation of the translation per axis
 _FEW_INLIERS = 0.1  # share below which the ratios of inliers are nearly those of outliers
@@ -165,11 +162,6 @@ def make_problem(
     -------
     MatchingProblem
         Its arrays are the caller's own.
-
-    Raises
-    ------
-    InputError
-        If `n` is negative, or a share is not between 0 and 1.
 
     Examples
     --------

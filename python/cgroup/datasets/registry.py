@@ -9,16 +9,14 @@ from cgroup._checks.hooks import load_plugin
 from cgroup._checks.values import guess_word, refuse_word
 from cgroup.datasets.b3r import B3R, B3RClean
 from cgroup.datasets.base import Dataset
-from cgroup.datasets.demos import CorrespondenceFiles, LidarScans, OneToThreeFiles
-from cgroup.datasets.fgr import FGR, FGRClouds
+from cgroup.datasets.demos import FGR, CorrespondenceFiles, FGRClouds, LidarScans, OneToThreeFiles
 from cgroup.datasets.generated.stones import StandinClutter, StandinFull, StandinViews
 from cgroup.datasets.generated.worlds import RepeatingWorlds, Worlds
 from cgroup.datasets.generated_matches import GeneratedMatches
 from cgroup.datasets.kitti import KITTI
-from cgroup.datasets.stanford import StanfordViews
 from cgroup.datasets.threedmatch import ThreeDLoMatchTest, ThreeDMatch, ThreeDMatchTest
-from cgroup.datasets.u3m import U3M
 from cgroup.datasets.u3or import U3OR
+from cgroup.datasets.views import U3M, StanfordViews
 from cgroup.errors import InputError
 
 DATASETS: dict[str, Callable[[Path | None], Dataset]] = {
@@ -65,11 +63,6 @@ def open_dataset(name: str, root: Path | None = None) -> Dataset:
     -------
     Dataset
         Ready to load pairs from.
-
-    Raises
-    ------
-    InputError
-        If the name is unknown, or files are missing: the message names their source.
 
     Examples
     --------

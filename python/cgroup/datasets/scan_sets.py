@@ -1,4 +1,4 @@
-"""Sets of scans with true poses: of one place, or of several places and objects in one bag."""
+"""Sets of scans with true poses: of one place, or of several places and objects mixed."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ import numpy as np
 from cgroup.datasets.file_datasets import data_root
 from cgroup.datasets.generated.shapes import random_pose
 from cgroup.datasets.generated.stones import standin_pair
-from cgroup.datasets.stanford import read_views
 from cgroup.datasets.threedmatch import ThreeDMatch
+from cgroup.datasets.views import read_views
 from cgroup.errors import InputError
 from cgroup.io import read_cloud
 from cgroup.io.files import load_json, load_text
@@ -27,24 +27,12 @@ _MIRROR = np.diag([-1.0, 1.0, 1.0, 1.0])
 
 @dataclass(frozen=True, eq=False)
 class ScanSet:
-    """Scans in frames of their own, with true poses.
+    """Scans in frames of their own, with true poses."""
 
-    Attributes
-    ----------
-    scans : list of (n,3) array of float64
-        Points of each scan.
-    truth : (N,4,4) array of float64
-        Map each scan into the frame of its place.
-    labels : list of str
-        The place or object of each scan.
-    at_scanner : bool
-        Whether the scanner stood at the origin of each scan.
-    """
-
-    scans: list[FloatArray]
-    truth: FloatArray
-    labels: list[str]
-    at_scanner: bool = False
+    scans: list[FloatArray]  # points (n,3) of each
+    truth: FloatArray  # (N,4,4), map each scan into the frame of its place
+    labels: list[str]  # the place or object of each scan
+    at_scanner: bool = False  # whether the scanner is at the origin of each scan
 
     def mirrored(self) -> ScanSet:
         """Reflect every place; its scans fit each other as before, and no scan of the place itself."""
@@ -54,7 +42,7 @@ class ScanSet:
 
 
 def pool_sets(sets: Iterable[ScanSet], rng: np.random.Generator) -> ScanSet:
-    """Put sets into one bag: shuffled, each scan in a random frame about its scanner or else its middle."""
+    """Mix sets: shuffled, each scan in a random frame about its scanner or else its middle."""
     parts = list(sets)
     pool = [
         (*each, part.at_scanner)
@@ -86,13 +74,7 @@ def make_views(seed: int) -> ScanSet:
 
 
 def read_folder(folder: Path) -> ScanSet:
-    """Read a folder with a ``set.json``, whose `scans` have a `file` and the pose `world_from_scan`.
-
-    Raises
-    ------
-    InputError
-        If a file can't be read, or isn't what it should be.
-    """
+    """Read a folder with a ``set.json``, whose `scans` have a `file` and the pose `world_from_scan`."""
     path = folder / "set.json"
     try:
         entries: Any = load_json(load_text(path))["scans"]
@@ -113,13 +95,7 @@ def read_stanford(folder: Path) -> ScanSet:
 
 
 def read_fragments(folder: Path) -> ScanSet:
-    """Read the fragments of a scene of 3DMatch, placed by chains of its pairs; unit m.
-
-    Raises
-    ------
-    InputError
-        If no poses of the scene are there, or a file can't be read.
-    """
+    """Read the fragments of a scene of 3DMatch, placed by chains of its pairs; unit m."""
     dataset = ThreeDMatch(folder.parents[1])
     names = [name for name in dataset.pair_names() if dataset.subject_of(name) == folder.name]
     pairs = {name: tuple(map(int, name.split("/")[-1].split("-"))) for name in names}
@@ -146,13 +122,7 @@ def read_fragments(folder: Path) -> ScanSet:
 
 
 def load_scan_set(names: Iterable[str], root: Path | None, seed: int, *, mirrored: bool = False) -> ScanSet:
-    """Load places into one bag; each is ``stone:SEED``, or a folder below the data root.
-
-    Raises
-    ------
-    InputError
-        As `find_scan_set`, or if a file can't be read.
-    """
+    """Load and mix places; each is ``stone:SEED``, or a folder below the data root."""
     parts = [find_scan_set(name, root)() for name in names]
     if mirrored:
         parts += [each.mirrored() for each in parts]
@@ -160,13 +130,7 @@ def load_scan_set(names: Iterable[str], root: Path | None, seed: int, *, mirrore
 
 
 def find_scan_set(name: str, root: Path | None) -> Callable[[], ScanSet]:
-    """Find scans of one place, and return what loads them.
-
-    Raises
-    ------
-    InputError
-        If the seed of a stone is none, or a folder isn't there, or has no scans with poses.
-    """
+    """Find scans of one place, and return what loads them."""
     if name.startswith("stone:"):
         seed = name.removeprefix("stone:")
         if not seed.isdecimal():

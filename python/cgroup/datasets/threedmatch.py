@@ -1,8 +1,4 @@
-"""3DMatch and 3DLoMatch: pairs of fragments of indoor scans.
-
-Zeng et al.: 3DMatch: Learning local geometric descriptors from RGB-D reconstructions, CVPR 2017.
-Huang et al.: Predator: Registration of 3D point clouds with low overlap, CVPR 2021 (3DLoMatch).
-"""
+"""3DMatch and 3DLoMatch: pairs of fragments of indoor scans."""
 
 from __future__ import annotations
 
@@ -11,19 +7,17 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from cgroup.datasets.base import MatchingPair, fitting_pose, measure_overlap
-from cgroup.datasets.file_datasets import FileDataset
-from cgroup.datasets.pose_lists import manifest_pairs
+from cgroup.datasets.base import MatchingPair, fitting_pose, view_pair
+from cgroup.datasets.file_datasets import FileDataset, manifest_pairs
 from cgroup.datasets.voxels import voxel_means
 from cgroup.io import read_cloud
 from cgroup.io.transforms import read_log
 from cgroup.rigid import check_rigid
 from cgroup.types import FloatArray, PointCloud
 
+# Edge length in m of the cells that fragments are downsampled to; the resolution is then about 16 mm.
 VOXEL = 0.025
-"""Edge length in m of the cells that fragments are downsampled to; the resolution is then about 16 mm."""
-
-_THINNED = "_2.5cm"  # in the names of files that are downsampled already
+_DOWNSAMPLED = "_2.5cm"  # in the names of files that are downsampled already
 
 
 class _Entry(NamedTuple):
@@ -37,29 +31,17 @@ class ThreeDMatch(FileDataset[_Entry]):
     """Pairs of the 3DMatch and 3DLoMatch test sets, downsampled to `VOXEL`; unit m.
 
     Pairs named ``3DMatch/scene/target-source`` overlap by at least 30 %, pairs named ``3DLoMatch/...`` by 10
-    to 30 %, as their owners count; the fact ``overlap`` is measured. What both list is listed twice.
-
-    The folder ``threedmatch`` holds a folder of ``cloud_bin_*`` per scene. Poses are read from every
-    ``gt.log`` in it: in ``<scene>-evaluation`` as 3DMatch has them, or in ``3DLoMatch/<scene>`` as Predator
-    has them; where there is none, from the root's manifest. The root may be that folder itself, if it holds
-    ``fragments`` and ``gt_result``, as PointDSC has them.
-
-    Attributes
-    ----------
-    benchmark : str
-        Pairs of this one only; all by default.
-    downsampled : bool
-        Whether fragments are downsampled.
+    to 30 %, as their owners count; the fact ``overlap`` is measured. Pairs of both are listed twice.
     """
 
     name, title = "3dmatch", "3DMatch"
     role, origin = "partial-partial", "real"
     protocols = ("precision>0.1", "rmse<=1pr", "rmse<=5pr", "3dmatch")
     citation = "Zeng et al.: 3DMatch, CVPR 2017; Huang et al.: Predator, CVPR 2021 (3DLoMatch)"
-    folder, example = "threedmatch", "<scene>-evaluation/gt.log"
+    folder, inside, example = "threedmatch", "fragments", "<scene>-evaluation/gt.log"
     url = "https://3dmatch.cs.princeton.edu; poses of 3DLoMatch: https://github.com/prs-eth/OverlapPredator"
 
-    benchmark: ClassVar[str] = ""
+    benchmark: ClassVar[str] = ""  # pairs of this one only; all by default
     downsampled: ClassVar[bool] = True
 
     def subject_of(self, name: str) -> str:
@@ -71,12 +53,7 @@ class ThreeDMatch(FileDataset[_Entry]):
         entry = self._entry(name)
         source, target = (self._read_fragment(entry.scene, each) for each in (entry.source, entry.target))
         pose = fitting_pose(entry.pose, source, target, origin=name)
-        shared = measure_overlap(source, target, pose)
-        return MatchingPair(name, source, target, pose, facts={"overlap": shared})
-
-    def _find_folder(self, root: Path) -> Path:
-        inside = not (root / self.folder).is_dir() and (root / "fragments").is_dir()
-        return root if inside else super()._find_folder(root)
+        return view_pair(name, source, target, pose)
 
     def _list_pairs(self) -> dict[str, _Entry]:
         self._files: dict[tuple[str, str], Path] = {}
@@ -91,14 +68,14 @@ class ThreeDMatch(FileDataset[_Entry]):
         return [self._places(entry.scene, number) for number in (entry.source, entry.target)]
 
     def _places(self, scene: str, number: int) -> tuple[Path, ...]:
-        names = [f"cloud_bin_{number}{ending}" for ending in (".ply", ".pcd", f"{_THINNED}.npy")]
+        names = [f"cloud_bin_{number}{ending}" for ending in (".ply", ".pcd", f"{_DOWNSAMPLED}.npy")]
         found = tuple(self._files[scene, name] for name in names if (scene, name) in self._files)
         return found or (self._folder / scene / names[0],)
 
     def _read_fragment(self, scene: str, number: int) -> PointCloud:
         path = self._places(scene, number)[0]
         cloud = read_cloud(path)
-        whole = _THINNED in path.name or not self.downsampled
+        whole = _DOWNSAMPLED in path.name or not self.downsampled
         return cloud if whole else PointCloud(voxel_means(cloud.points, VOXEL))
 
     def _from_logs(self) -> dict[str, _Entry]:

@@ -1,8 +1,4 @@
-"""UWA 3D Object Recognition: whole models in range scans of four or five heaped toys.
-
-Mian, Bennamoun and Owens: Three-dimensional model-based object recognition and segmentation in cluttered
-scenes, IEEE TPAMI 28(10), 2006.
-"""
+"""UWA 3D Object Recognition: whole models in range scans of four or five heaped toys."""
 
 from __future__ import annotations
 
@@ -17,10 +13,9 @@ from cgroup.datasets.cache import cached
 from cgroup.datasets.file_datasets import FileDataset
 from cgroup.datasets.generated.scanner import Mesh, RangeImage, merge, range_image
 from cgroup.errors import InputError
-from cgroup.evaluation.ground_truth import VISIBLE_WITHIN
 from cgroup.io import read_cloud, read_transform
 from cgroup.io.files import load_text
-from cgroup.types import FloatArray, PointCloud
+from cgroup.types import PointCloud
 
 MODEL_FILES = {
     "chef": ("cheff.ply", "cheff_simple.ply"),
@@ -30,15 +25,12 @@ MODEL_FILES = {
 }
 """Files of the models whose poses are published: the owners' first, then simplified ones in circulation."""
 
+# What has to be added to the vertices of a file that its maker centred, in mm.
 OFFSETS = {"trex_small.ply": (18.28188121, -50.54808168, -608.03780463)}
-"""What has to be added to the vertices of a file that its maker centred, in mm."""
+PIXEL = 2.2e-3  # angle between two rays of the simulated scanner in radians, as in the real scans
 
-PIXEL = 2.2e-3
-"""Angle between two rays of the simulated scanner in radians, as in the real scans."""
-
+# Published beside a pose that puts the model behind the scanner; taken in its place.
 _EARLIER_POSES = {(6, "parasaurolophus"): "parasaurolophus-rs6-old.xf"}
-"""Published beside a pose that puts the model behind the scanner; taken in its place."""
-
 _OCCLUSION_NAMES = {"chef": "chef", "chicken": "chicken", "para": "parasaurolophus", "trex": "T-rex"}
 _SIMULATION = "1"  # to be raised when simulated scenes change, so that the cache is made anew
 
@@ -51,14 +43,8 @@ class _Posed(NamedTuple):
 class U3OR(FileDataset[_Posed]):
     """The 188 published pairs of four models and 50 scenes; unit mm, scanner at the origin looking along -z.
 
-    A scene whose scan is there is used as it is and its pairs are *real*. Any other is simulated: the models
-    are posed as published and seen by a range scanner in software, without noise; its pairs are
-    *semi-synthetic*. Simulated scenes hold only models with a published pose, so there is less clutter in
-    them; they are kept in the cache (`cgroup.datasets.cache.cache_folder`).
-
-    The fact ``occlusion`` is the published one, for simulated scenes too; where none is published for the
-    pose, it is computed. ``clutter`` is computed from the scene that is used, with models and scenes as
-    meshes. The folder ``u3or`` holds models, scenes and ground truth, in any folders.
+    A scene without a scan is simulated from the posed models, and its pairs are semi-synthetic. The fact
+    ``occlusion`` is the published one where there is one; ``clutter`` is that of the scene in use.
     """
 
     name, title = "u3or", "U3OR"
@@ -73,15 +59,13 @@ class U3OR(FileDataset[_Posed]):
 
     def load(self, name: str) -> MatchingPair:
         """Read the model, and read or simulate the scene."""
-        model, scene, pose = self._pose(name)
-        facts = measure_clutter(model, scene, pose, VISIBLE_WITHIN)
-        facts["occlusion"] = self._occlusions.get(self._pairs[name], facts["occlusion"])
+        entry = self._entry(name)
+        model, scene, path = self.model(entry.model), self.scene(entry.scene), self._poses[entry]
+        pose = fitting_pose(read_transform(path), model, scene, origin=str(path))
+        facts = measure_clutter(model, scene, pose)
+        facts["occlusion"] = self._occlusions.get(entry, facts["occlusion"])
         # A scan's normals are turned towards the scanner, so the scene goes in without its faces.
         return MatchingPair(name, model, PointCloud(scene.points), pose, normals="mesh", facts=facts)
-
-    def measure_facts(self, name: str, *, bound: float) -> dict[str, float]:
-        """Measure clutter and occlusion with another bound; occlusion also where it is published."""
-        return measure_clutter(*self._pose(name), bound)
 
     def model(self, name: str) -> PointCloud:
         """Read a model mesh, in the frame that the poses are for."""
@@ -128,14 +112,7 @@ class U3OR(FileDataset[_Posed]):
         posed = [] if self._has_scan(entry.scene) else self._poses_in(entry.scene)
         return [(self._poses[entry],), *(self._model_places(model) for model in (entry.model, *posed))]
 
-    def _pose(self, name: str) -> tuple[PointCloud, PointCloud, FloatArray]:
-        """Model, scene and pose."""
-        entry = self._entry(name)
-        model, scene, path = self.model(entry.model), self.scene(entry.scene), self._poses[entry]
-        return model, scene, fitting_pose(read_transform(path), model, scene, origin=str(path))
-
     def _poses_in(self, number: int) -> dict[str, Path]:
-        """Files with the poses of the models in a scene."""
         return {model: path for (scene, model), path in self._poses.items() if scene == number}
 
     def _content(self, number: int) -> list[bytes]:
@@ -145,19 +122,15 @@ class U3OR(FileDataset[_Posed]):
         return [file.read_bytes() for file in files]
 
     def _look(self, number: int) -> RangeImage:
-        """Scan the models of a scene, posed as published."""
         posed: list[Mesh] = []
         for model, path in self._poses_in(number).items():
-            posed.append(self._mesh(model).move(read_transform(path)))
+            cloud = self.model(model)
+            posed.append(Mesh(cloud.points, faces_of(cloud)).move(read_transform(path)))
             if posed[-1].vertices[:, 2].max() >= 0:
                 got = f"{path}: this pose puts the model behind the scanner"
                 message = f"{got}; it has to be model to scene, in mm"
                 raise InputError(message)
         return range_image(merge(posed), step=PIXEL, offset=np.array([1.0, 1.0]), two_sided=True)
-
-    def _mesh(self, model: str) -> Mesh:
-        cloud = self.model(model)
-        return Mesh(cloud.points, faces_of(cloud))
 
     def _has_scan(self, number: int) -> bool:
         return self._scan_file(number) is not None

@@ -6,7 +6,6 @@ from cgroup.evaluation.ground_truth import (
     correct_matches,
     match_errors,
     overlap,
-    within,
 )
 from cgroup.evaluation.metrics import GroupScore, score_group
 from cgroup.evaluation.protocols import PROTOCOLS, Protocol
@@ -17,7 +16,7 @@ from cgroup.evaluation.recalls import (
     redwood_error,
     registration_recall,
 )
-from cgroup.evaluation.scenes import SceneScore, ecdf, score_scene
+from cgroup.evaluation.scene_scores import SceneScore, ecdf, score_scene
 from cgroup.rigid import rotation_error, translation_error
 
 __all__ = [
@@ -40,5 +39,4 @@ __all__ = [
     "score_group",
     "score_scene",
     "translation_error",
-    "within",
 ]

@@ -5,21 +5,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cgroup import _core
-from cgroup._checks.arrays import as_faces, as_points
-from cgroup._checks.values import as_length, run_options
+from cgroup._checks.arrays import as_faces, as_points, finite_points
+from cgroup._checks.values import as_length
 from cgroup.errors import InputError
+from cgroup.features import within
 from cgroup.rigid import apply, check_rigid
 from cgroup.types import AnyCloud, BoolArray, FloatArray, IndexArray
 
-CORRECT_WITHIN = 5.0
-"""Largest distance of a correct match from its true place, in pr."""
-
-OVERLAP_WITHIN = 4.0
-"""Largest distance of overlapping points of two views, in pr."""
-
-VISIBLE_WITHIN = 2.0
-"""Largest distance of a scene vertex from the model it belongs to, in pr."""
+CORRECT_WITHIN = 5.0  # largest distance of a correct match from its true place, in pr
+OVERLAP_WITHIN = 4.0  # largest distance of overlapping points of two views, in pr
+VISIBLE_WITHIN = 2.0  # largest distance of a scene vertex from the model it belongs to, in pr
 
 
 def match_errors(source: AnyCloud, target: AnyCloud, T_target_source: ArrayLike) -> FloatArray:
@@ -73,34 +68,6 @@ def correct_matches(
     return match_errors(source, target, T_target_source) <= limit
 
 
-def within(points: AnyCloud, others: AnyCloud, radius: float) -> BoolArray:
-    """Tell which points have at least one of the others within a radius.
-
-    Parameters
-    ----------
-    points : (N,3) array_like of float
-        Points to judge.
-    others : (M,3) array_like of float
-        Points to look for.
-    radius : float
-        Largest distance, inclusive, in the data's unit.
-
-    Returns
-    -------
-    (N,) array of bool
-        Aligned with `points`.
-
-    Examples
-    --------
-    >>> from cgroup.evaluation import within
-    >>> within([[0, 0, 0], [5, 0, 0]], [[0, 0, 1]], radius=1.0)
-    array([ True, False])
-    """
-    queries, stored = _finite_points("points", points), _finite_points("others", others)
-    limit = as_length("radius", radius)
-    return _core.within(queries, stored, run_options(), limit)
-
-
 def overlap(source: AnyCloud, target: AnyCloud, T_target_source: ArrayLike, *, tolerance: float) -> float:
     """Return the share of the smaller view that the other view contains too.
 
@@ -129,8 +96,8 @@ def overlap(source: AnyCloud, target: AnyCloud, T_target_source: ArrayLike, *, t
     >>> overlap(view[:8], view[4:], np.eye(4), tolerance=0.5)
     0.6666666666666666
     """
-    moved = apply(check_rigid(T_target_source, "T_target_source"), _finite_points("source", source))
-    there = _finite_points("target", target)
+    moved = apply(check_rigid(T_target_source, "T_target_source"), finite_points("source", source))
+    there = finite_points("target", target)
     for name, points in (("source", moved), ("target", there)):
         if len(points) == 0:
             raise InputError(name, "no points")
@@ -167,11 +134,11 @@ def alignment_error(
     >>> alignment_error(np.eye(3), np.eye(3), shifted, np.eye(4), tolerance=0.1)
     0.25
     """
-    points, limit = _finite_points("source", source), as_length("tolerance", tolerance)
+    points, limit = finite_points("source", source), as_length("tolerance", tolerance)
     expected, reached = (
         apply(check_rigid(pose, name), points) for name, pose in (("true", true), ("estimated", estimated))
     )
-    counted = within(expected, _finite_points("target", target), limit)
+    counted = within(expected, finite_points("target", target), limit)
     return _mean_length(reached[counted] - expected[counted])
 
 
@@ -218,20 +185,9 @@ def clutter_and_occlusion(
     clutter, occlusion : float
         1 - visible / scene area, and 1 - visible / model area; the visible triangles of the scene have three
         corners that belong to the model.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cgroup.evaluation import clutter_and_occlusion
-    >>> corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [9, 0, 0], [9, 1, 0], [9, 0, 3]]
-    >>> scene_faces = [[0, 1, 2], [3, 4, 5]]
-    >>> clutter_and_occlusion(
-    ...     corners[:3], [[0, 1, 2]], corners, scene_faces, np.eye(4), tolerance=0.1
-    ... )
-    (0.75, 0.0)
     """
-    posed = apply(check_rigid(T_scene_model, "T_scene_model"), _finite_points("model", model))
-    vertices = _finite_points("scene", scene)
+    posed = apply(check_rigid(T_scene_model, "T_scene_model"), finite_points("model", model))
+    vertices = finite_points("scene", scene)
     triangles = _faces_of("scene", vertices, scene_faces)
     areas = triangle_areas(vertices, triangles)
     model_area = triangle_areas(posed, _faces_of("model", posed, model_faces)).sum()
@@ -245,14 +201,6 @@ def clutter_and_occlusion(
 
 def _mean_length(vectors: FloatArray) -> float:
     return float(np.linalg.norm(vectors, axis=1).mean()) if len(vectors) else float("nan")
-
-
-def _finite_points(name: str, value: AnyCloud) -> FloatArray:
-    points = as_points(name, value)
-    if not np.isfinite(points).all():
-        row = int(np.argmin(np.isfinite(points).all(axis=1)))
-        raise InputError(name, f"a coordinate that isn't finite in row {row}", "leave such points out")
-    return points
 
 
 def _faces_of(name: str, vertices: FloatArray, faces: ArrayLike) -> IndexArray:

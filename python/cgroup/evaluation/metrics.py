@@ -13,8 +13,7 @@ from cgroup._checks.arrays import as_floats, as_mask
 from cgroup.errors import InputError
 from cgroup.types import BoolArray, FloatArray
 
-REGISTERED_PRECISION = 0.1
-"""A pair counts as registered when its group's precision is greater than this."""
+REGISTERED_PRECISION = 0.1  # A pair counts as registered when its group's precision is greater than this
 
 
 class Scores(NamedTuple):

@@ -1,18 +1,6 @@
 """Criteria by which a pair counts as registered, by name.
 
-| name | registered if | used by |
-|---|---|---|
-| ``precision>0.1`` | the group's precision exceeds 0.1; needs no pose | the paper, on all data |
-| ``rmse<=1pr``, ``rmse<=5pr`` | the mean error over the overlap is within that | later work on U3M |
-| ``5deg+5pr``, ``2deg+2pr`` | rotation and mean error over the overlap | cgroup, for whole scans |
-| ``3dmatch`` | rotation within 15 degrees, translation within 0.3 m | DGR, PointDSC, MAC |
-| ``3dmatch-strict`` | rotation within 5 degrees, translation within 0.1 m | cgroup, for whole scans |
-| ``kitti`` | rotation within 5 degrees, translation within 0.6 m | DGR, PointDSC, MAC |
-| ``kitti-2m`` | rotation within 5 degrees, translation within 2 m | FCGF, Predator, GeoTransformer |
-
-3DMatch's own criterion, which Predator and GeoTransformer report, is another: an RMSE below 0.2 m over the
-true matches of two fragments, by way of the covariances in ``gt.info``. It isn't among these; recalls by
-``3dmatch`` compare with those of the methods in the table only. ``cgroup evaluate`` scores poses by both.
+3DMatch's own criterion, an RMSE below 0.2 m by ``gt.info``, is not among these; ``cgroup evaluate`` has both.
 """
 
 from __future__ import annotations
@@ -62,38 +50,34 @@ class Protocol:
         bool or None
             None if a value with a limit is NaN.
         """
-        errors = (
-            (rotation_error, self.max_rotation),
-            (translation_error, self.max_translation),
-            (rmse_pr, self.max_rmse),
-        )
-        kept = [(error, limit) for error, limit in errors if limit is not None]
-        if any(math.isnan(error) for error, _ in kept):
-            return None
-        if self.precision_above is not None and math.isnan(precision):
+        limits = (self.max_rotation, self.max_translation, self.max_rmse)
+        errors = zip((rotation_error, translation_error, rmse_pr), limits, strict=True)
+        limited = [(error, limit) for error, limit in errors if limit is not None]
+        judged = [error for error, _ in limited] + ([] if self.precision_above is None else [precision])
+        if any(map(math.isnan, judged)):
             return None
         precise = self.precision_above is None or precision > self.precision_above
-        return precise and all(error <= limit for error, limit in kept)
+        return precise and all(error <= limit for error, limit in limited)
 
 
-PAPER_PROTOCOL = "precision>0.1"
-"""The paper's own criterion."""
+PAPER_PROTOCOL = "precision>0.1"  # the paper's own criterion
 
+# Prefix of record columns with the verdict by one criterion; that by the paper's is ``registered``.
 PROTOCOL_PREFIX = "ok:"
-"""Prefix of record columns with the verdict by one criterion; that by the paper's is ``registered``."""
-
 PROTOCOLS: dict[str, Protocol] = {
     protocol.name: protocol
     for protocol in (
-        Protocol(PAPER_PROTOCOL, precision_above=REGISTERED_PRECISION),
-        Protocol("rmse<=1pr", max_rmse=1.0),
-        Protocol("rmse<=5pr", max_rmse=5.0),
-        Protocol("5deg+5pr", max_rotation=5.0, max_rmse=5.0),
-        Protocol("2deg+2pr", max_rotation=2.0, max_rmse=2.0),
-        Protocol("3dmatch", max_rotation=15.0, max_translation=0.3),
-        Protocol("3dmatch-strict", max_rotation=5.0, max_translation=0.1),
-        Protocol("kitti", max_rotation=5.0, max_translation=0.6),
-        Protocol("kitti-2m", max_rotation=5.0, max_translation=2.0),
+        Protocol(
+            PAPER_PROTOCOL, precision_above=REGISTERED_PRECISION
+        ),  # the paper, on all data; needs no pose
+        Protocol("rmse<=1pr", max_rmse=1.0),  # later work on U3M
+        Protocol("rmse<=5pr", max_rmse=5.0),  # later work on U3M
+        Protocol("5deg+5pr", max_rotation=5.0, max_rmse=5.0),  # cgroup, for whole scans
+        Protocol("2deg+2pr", max_rotation=2.0, max_rmse=2.0),  # cgroup, for whole scans
+        Protocol("3dmatch", max_rotation=15.0, max_translation=0.3),  # DGR, PointDSC, MAC
+        Protocol("3dmatch-strict", max_rotation=5.0, max_translation=0.1),  # cgroup, for whole scans
+        Protocol("kitti", max_rotation=5.0, max_translation=0.6),  # DGR, PointDSC, MAC
+        Protocol("kitti-2m", max_rotation=5.0, max_translation=2.0),  # FCGF, Predator, GeoTransformer
     )
 }
-"""Criteria by name."""
+"""Criteria by name, with the works that use them."""

@@ -1,4 +1,4 @@
-"""Recalls as papers define them, and the scores of results.
+"""Recalls as papers define them, scores of results, and tests of results on the same pairs.
 
 A protocol is a TOML file, such as those in ``evaluation/presets``.
 """
@@ -6,29 +6,28 @@ A protocol is a TOML file, such as those in ``evaluation/presets``.
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
+from itertools import combinations
+from math import comb
 from statistics import NormalDist
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from cgroup._checks.values import as_choice, as_flag, as_instance, as_length, guess_word, refuse_word
 from cgroup.errors import InputError
 from cgroup.evaluation.recalls import redwood_errors, registration_recall
-from cgroup.evaluation.result_files import PairErrors, PairPoses, show_pair
+from cgroup.evaluation.result_files import Key, PairErrors, PairPoses, show_pair
 from cgroup.io.files import load_text
+from cgroup.types import BoolArray, FloatArray
 
 if sys.version_info >= (3, 11):
     import tomllib
 else:
     import tomli as tomllib  # pyright: ignore[reportMissingImports] - on Python 3.10 only
-
-from collections.abc import Sequence
-
-from numpy.typing import NDArray
-
-from cgroup.types import BoolArray, FloatArray
 
 _LIMITS = {"max_rotation": "rotation in deg", "max_translation": "translation", "max_rmse": "RMSE"}
 _PRESETS = resources.files("cgroup.evaluation") / "presets"
@@ -54,7 +53,6 @@ class Recall:
     errors: Literal["mean", "median"] = "mean"
 
     def __post_init__(self) -> None:
-        """Raise `InputError` for an invalid definition."""
         for name in ("inclusive", "consecutive", "first"):
             as_flag(name, getattr(self, name))
         for name, choices in (("average", ("pairs", "scenes")), ("errors", ("mean", "median"))):
@@ -127,7 +125,6 @@ class RecallProtocol:
     left_open: Sequence[str] = ()
 
     def __post_init__(self) -> None:
-        """Raise `InputError` where there is no recall, or a value of another kind."""
         if not self.recalls:
             raise InputError("[[recall]]", "none", "give one or more")
         texts = [text for one in self.recalls for text in (one.name, one.source)]
@@ -214,3 +211,43 @@ def _interval(right: BoolArray, scenes: NDArray[np.str_]) -> tuple[float, float]
     margin = np.sqrt(squares * (shares * (1 - shares) + squares / 4)) / (1 + squares)
     below, above = (np.linalg.norm(margin + way) / len(sizes) for way in (shares - middle, middle - shares))
     return max(0.0, float(shares.mean() - below)), min(1.0, float(shares.mean() + above))
+
+
+def compare_results(found: Mapping[str, PairErrors], recall: Recall) -> list[dict[str, Any]]:
+    """Test every two results of the same pairs, in any order: pairs registered by one only, and p by Holm.
+
+    Pairs without numbers are identified by their order in the scene.
+    """
+    keys: dict[str, list[Key]] = {}
+    registered: dict[str, BoolArray] = {}
+    for name, one in found.items():
+        rows = sorted(np.flatnonzero(recall.counted(one)).tolist(), key=one.keys.__getitem__)
+        keys[name], registered[name] = [one.keys[row] for row in rows], recall.registered(one)[rows]
+    tests: list[dict[str, Any]] = []
+    for one, other in combinations(found, 2):
+        if keys[one] == keys[other]:
+            first, second = registered[one], registered[other]
+            only = {"only_one": int((first & ~second).sum()), "only_other": int((second & ~first).sum())}
+            tests.append({"one": one, "other": other, **only, "p": mcnemar(first, second)})
+    for test, p in zip(tests, holm([test["p"] for test in tests]), strict=True):
+        test["p"] = p
+    return tests
+
+
+def mcnemar(one: ArrayLike, other: ArrayLike) -> float:
+    """Return the p of McNemar's exact test on paired successes."""
+    first, second = np.asarray(one, dtype=bool), np.asarray(other, dtype=bool)
+    only_first, only_second = int((first & ~second).sum()), int((second & ~first).sum())
+    count = only_first + only_second
+    tail = sum(comb(count, k) for k in range(min(only_first, only_second) + 1))
+    return min(1.0, 2 * tail / 2**count)
+
+
+def holm(p: Sequence[float]) -> list[float]:
+    """Adjust the p of several tests for the family-wise error (Holm, Scand. J. Statistics 1979)."""
+    adjusted = [0.0] * len(p)
+    so_far = 0.0
+    for rank, i in enumerate(sorted(range(len(p)), key=lambda i: p[i])):
+        so_far = max(so_far, min(1.0, (len(p) - rank) * p[i]))
+        adjusted[i] = so_far
+    return adjusted

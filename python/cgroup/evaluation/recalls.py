@@ -16,7 +16,7 @@ from cgroup._checks.arrays import as_floats, as_mask
 from cgroup._checks.values import as_length, as_number
 from cgroup.errors import InputError
 from cgroup.evaluation.ground_truth import match_errors
-from cgroup.evaluation.scenes import as_labels, ecdf
+from cgroup.evaluation.scene_scores import as_labels, ecdf
 from cgroup.rigid import check_rigid
 from cgroup.rigid.transforms import quaternions
 from cgroup.types import AnyCloud, FloatArray
@@ -128,12 +128,6 @@ def feature_matching_recall(
     -------
     float
         0 to 1; NaN without pairs.
-
-    Examples
-    --------
-    >>> from cgroup.evaluation import feature_matching_recall
-    >>> feature_matching_recall([0.02, 0.3, 0.06, 0.05])
-    0.5
     """
     ratios = as_floats("inlier_ratios", inlier_ratios).ravel()
     return registration_recall(ratios > as_number("least", least), scenes=scenes)
@@ -182,13 +176,6 @@ def mean_average_accuracy(errors: ArrayLike, limits: ArrayLike) -> float:
     -------
     float
         0 to 1; NaN without errors or limits.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cgroup.evaluation import mean_average_accuracy
-    >>> mean_average_accuracy([0.5, 9.5, np.inf, np.inf], np.arange(1, 11))
-    0.275
     """
     shares = ecdf(errors, limits)
     return float(shares.mean()) if len(shares) else float("nan")

@@ -32,18 +32,11 @@ from cgroup.types import BoolArray, FloatArray
 _Pairs = Iterable[tuple[str, int, int, Any]]
 
 
+# Names of files that are no scene; the folder is named after it.
 _UNNAMED = {"est", "gt", "poses", "graph", "result", "results", "trajectory"}
-"""Names of files that are no scene; the folder is named after it."""
-
-_MOST_CLOUDS = 1_000
-"""Largest number of clouds whose pairs are all evaluated."""
-
-_BLOCK = 10_000
-"""Pairs whose poses are computed at once."""
-
-_LARGEST_NUMBER = 1 << 53
-"""Numbers of clouds are smaller, so that floats are exact."""
-
+_MOST_CLOUDS = 1_000  # largest number of clouds whose pairs are all evaluated
+_BLOCK = 10_000  # pairs whose poses are computed at once
+_LARGEST_NUMBER = 1 << 53  # numbers of clouds are smaller, so that floats are exact
 _TAIL = "-evaluation"  # of folders of 3DMatch
 _QUATERNION = ["tx", "ty", "tz", "qx", "qy", "qz", "qw"]
 
@@ -353,8 +346,8 @@ def _read_json(file: Path) -> _Clouds | _Pairs:
 
 
 _READERS = {".log": _read_log, ".csv": _read_csv, ".npz": _read_npz, ".json": _read_json, ".g2o": _read_graph}
+# Files of suffixes without a reader have a pose per line.
 _SUFFIXES = (*_READERS, ".tum", ".kitti", ".txt", ".npy")
-"""Files of suffixes without a reader have a pose per line."""
 
 
 def _matrix(rows: list[list[float]]) -> FloatArray:
@@ -362,7 +355,6 @@ def _matrix(rows: list[list[float]]) -> FloatArray:
 
 
 def _last_number(name: str) -> int:
-    """Return the number of a cloud: the last one in its name."""
     found = re.findall(r"\d+", Path(name).stem)
     if not found:
         message = f"no number in the name {escape(name)!r}, to identify the cloud"

@@ -10,7 +10,7 @@ several steps. All functions but those of meshes take ``threads``; results do no
 
 from __future__ import annotations
 
-from cgroup.features.cloud import Cloud, CloudLike, resolution
+from cgroup.features.cloud import Cloud, CloudLike, resolution, within
 from cgroup.features.descriptors import DescribedCloud, fpfh, lfsh, rcs, shot, shot_lrf, toldi_lrf
 from cgroup.features.keypoints import SUPPORT_RADIUS, drop_isolated, harris3d, iss
 from cgroup.features.matching import Matches, match
@@ -43,4 +43,5 @@ __all__ = [
     "shot_lrf",
     "toldi_lrf",
     "voxel_downsample",
+    "within",
 ]

@@ -1,4 +1,4 @@
-"""A cloud indexed once, its distinct points, and its resolution."""
+"""A cloud indexed once, its distinct points and resolution, and points near another cloud."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cgroup import _core
-from cgroup._checks.arrays import real_points
+from cgroup._checks.arrays import finite_points, real_points
 from cgroup._checks.calls import explain_wrong_calls
-from cgroup._checks.values import as_flag, as_word, run_options
+from cgroup._checks.values import as_flag, as_length, as_word, run_options
 from cgroup.errors import InputError
-from cgroup.types import AnyCloud, IndexArray, RealArray
+from cgroup.types import AnyCloud, BoolArray, IndexArray, RealArray
 
 Value = TypeVar("Value", bound=np.generic)
 
@@ -218,3 +218,30 @@ def resolution_of(places: Places, threads: int | None) -> float:
         got = f"{len(places.rows)} points that all coincide"
         raise InputError("points", got, "a resolution needs two distinct points")
     return _core.resolution(places.core, run_options(threads), ignore_zero=False)
+
+
+def within(points: AnyCloud, others: AnyCloud, radius: float) -> BoolArray:
+    """Return which points have at least one of the others within a radius.
+
+    Parameters
+    ----------
+    points : (N,3) array_like of float
+        Points to judge.
+    others : (M,3) array_like of float
+        Points to search.
+    radius : float
+        Largest distance, inclusive, in the data's unit.
+
+    Returns
+    -------
+    (N,) array of bool
+        Aligned with `points`.
+
+    Examples
+    --------
+    >>> from cgroup.features import within
+    >>> within([[0, 0, 0], [5, 0, 0]], [[0, 0, 1]], radius=1.0)
+    array([ True, False])
+    """
+    queries, stored = finite_points("points", points), finite_points("others", others)
+    return _core.within(queries, stored, run_options(), as_length("radius", radius))

@@ -227,9 +227,12 @@ def write_descriptors(path: str | os.PathLike[str], described: DescribedCloud) -
     Examples
     --------
     >>> from cgroup.datasets import standin_pair
-    >>> from cgroup.io import write_descriptors
+    >>> from cgroup.io import read_descriptors, write_descriptors
     >>> from cgroup.registration import describe
-    >>> write_descriptors("scan.npz", describe(standin_pair(pixels=60).source))
+    >>> described = describe(standin_pair(pixels=60).source, descriptor="rcs")
+    >>> write_descriptors("stone.npz", described)
+    >>> read_descriptors("stone.npz").descriptors.shape == described.descriptors.shape
+    True
     """
     path = written_path(path, "descriptors", ".npz")
     as_instance("described", described, DescribedCloud)

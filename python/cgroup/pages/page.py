@@ -24,8 +24,8 @@ from cgroup._checks.values import as_instance, refusal
 from cgroup.errors import InputError
 from cgroup.io import write_file
 
+# Letters that could end a script or a comment; JSON has them in texts only, where escapes mean the same.
 _UNSAFE_IN_SCRIPTS = {ord(letter): f"\\u{ord(letter):04x}" for letter in "<>&\u2028\u2029"}
-"""Letters that could end a script or a comment; JSON has them in texts only, where escapes mean the same."""
 
 
 def chart_html(name: str, figure: Any, *, label: str, height: str = "28rem", caption: str = "") -> str:  # noqa: ANN401

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cgroup._checks.values import as_instance, as_items
 from cgroup._show.drawing import as_flags, as_points
-from cgroup._show.poses import pose_lines
+from cgroup._show.words import pose_lines
 from cgroup.comparison import MethodResult, find_correct
 from cgroup.errors import InputError
 from cgroup.evaluation import rotation_error, translation_error
@@ -132,10 +132,10 @@ def comparison_page(
 ) -> str:
     """Return the page of a comparison: the groups of methods, and reasons.
 
+    Further parameters as for `registration_page`, `tolerance` as for `find_correct`.
+
     Parameters
     ----------
-    source, target : PointCloud or (N,3) array_like of float
-        Whole clouds; at most 20,000 points of each are drawn.
     correspondences : Correspondences
         The matches that were grouped.
     results : iterable of MethodResult
@@ -144,10 +144,6 @@ def comparison_page(
         True pose.
     correct : (n,) array_like of bool, optional
         Which matches are correct; `find_correct` finds them by default.
-    tolerance : float, optional
-        As for `find_correct`.
-    title : str
-        Plain text.
 
     Returns
     -------

@@ -9,22 +9,18 @@ import numpy as np
 from matplotlib.colors import LinearSegmentedColormap, to_hex
 
 from cgroup._checks.values import as_instance
-from cgroup.pages.figure import MAX_POINTS
+from cgroup.pages.matches import MAX_POINTS
 from cgroup.pages.page import scale_html, table_html
 from cgroup.pages.stage import Stage, place_clouds, stage_page
 from cgroup.plots import style
-from cgroup.plots.agreement import thin
 from cgroup.plots.scans import LEAST_RANGE, MOST_NAMED, look_at, place_nodes
+from cgroup.plots.shading import choose_rows
 from cgroup.scenes import Edge, Scene
 from cgroup.scenes.scene import cloud_of, scan_colors
 from cgroup.types import FloatArray
 
-_POINTS = 150_000
-"""Points of all scans that are drawn."""
-
-_GRAPH = 300.0
-"""Sides of a graph, in pixels."""
-
+_POINTS = 150_000  # points of all scans that are drawn
+_GRAPH = 300.0  # sides of a graph, in pixels
 _RESIDUALS = LinearSegmentedColormap.from_list("residuals", style.DISTANCE_COLORS)
 
 
@@ -81,13 +77,12 @@ def scene_page(scene: Scene, *, title: str = "Scene") -> str:
 
 
 def _posed(scene: Scene) -> dict[int, FloatArray]:
-    """Return some points of each scan in the frame of its component."""
     rows = [row for component in scene.components for row in component]
     most = min(MAX_POINTS, _POINTS // len(rows))
     posed: dict[int, FloatArray] = {}
     for row in rows:
         cloud = cloud_of(scene, row)
-        few = cloud.points[thin(cloud.points, most)]
+        few = cloud.points[choose_rows(cloud.points, most)]
         posed[row] = few @ scene.poses[row, :3, :3].T + scene.poses[row, :3, 3]
     return posed
 
@@ -152,7 +147,6 @@ def _graph(
     colors: Sequence[str],
     end: float,
 ) -> str:
-    """Draw the graph of a component as SVG."""
     places = place_nodes(clouds, axes) * [1.0, -1.0]
     low, size = places.min(axis=0), np.ptp(places, axis=0)
     scale = (_GRAPH - 40) / max(float(size.max()), 1e-300)

@@ -11,26 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cgroup.pages.page import chart_html, chart_text, data_html, facts_html, page_html, part
-from cgroup.plots.agreement import planes
-from cgroup.plots.shading import AMBIENT, LIGHT
+from cgroup.plots.shading import AMBIENT, LIGHT, planes
 from cgroup.types import FloatArray
 
-LEVELS = 255
-"""Levels of light."""
-
+LEVELS = 255  # levels of light
 _TO_LIGHT = LIGHT / np.linalg.norm(LIGHT)
 
-_SIZES = ((60_000, 1.6), (4_000, 2.2), (0, 3.5))
-"""Pixels of a point, by how many more than that are drawn."""
-
-_GAP = 0.15
-"""Gap between clouds side by side, in sides of a square as large as their average box."""
-
-_WIDE = 1.5
-"""Width over height of the layout side by side."""
-
-_RIM = 0.002
-"""Share of the points on either side that a box may leave out, as far outliers."""
+_SIZES = ((60_000, 1.6), (4_000, 2.2), (0, 3.5))  # pixels of a point, by how many more than that are drawn
+_GAP = 0.15  # gap between clouds side by side, in sides of a square as large as their average box
+_WIDE = 1.5  # width over height of the layout side by side
+_RIM = 0.002  # share of the points on either side that a box may leave out, as far outliers
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +67,6 @@ def place_clouds(
 
 
 def _box(points: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the box of a cloud without far outliers."""
     low, high = np.quantile(points, (_RIM, 1 - _RIM), axis=0)
     room = 0.05 * (high - low).max()
     return np.maximum(low - room, points.min(axis=0)), np.minimum(high + room, points.max(axis=0))
@@ -191,7 +180,6 @@ def stage_page(stage: Stage) -> str:
 
 
 def _bounds(clouds: Sequence[Cloud], place: str) -> list[list[float]]:
-    """Return the lowest and the highest corner of all boxes."""
     places = np.array([getattr(cloud, place) for cloud in clouds])
     half = np.array([cloud.size for cloud in clouds]) / 2
     return [(places - half).min(axis=0).tolist(), (places + half).max(axis=0).tolist()]

@@ -2,8 +2,4 @@
 
 from cgroup.plots.matches import comparison_figure, keypoints_figure, registration_figure
 
-__all__ = [
-    "comparison_figure",
-    "keypoints_figure",
-    "registration_figure",
-]
+__all__ = ["comparison_figure", "keypoints_figure", "registration_figure"]

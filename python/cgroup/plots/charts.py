@@ -24,12 +24,8 @@ from cgroup.plots import style
 from cgroup.plots.style import MethodStyle
 from cgroup.types import BoolArray, FloatArray
 
-FEW = f"fewer than {LEAST_PAIRS} pairs"
-"""Meaning of hollow markers."""
-
-MARKER_SIZE = 4.5
-"""Points across a disk."""
-
+FEW = f"fewer than {LEAST_PAIRS} pairs"  # meaning of hollow markers
+MARKER_SIZE = 4.5  # points across a disk
 _PANEL_HEIGHT, _NAMES_HEIGHT = 2.3, 0.45  # inches, of a panel and of names below its x axis
 _FONT = 8
 _MOST_COLUMNS, _LETTERS, _HANDLE = 9, 110, 6.5  # of a legend: columns, letters that fit, those of a handle
@@ -143,11 +139,7 @@ def marker_size(look: MethodStyle) -> float:
 
 def _draw_panel(axes: Axes, panel: Panel, looks: Mapping[str, MethodStyle]) -> None:
     finish(
-        axes,
-        title=panel.title,
-        xlabel=style.as_it_is(panel.x_title),
-        ylabel=panel.y_title,
-        share=panel.share,
+        axes, title=panel.title, xlabel=style.as_it_is(panel.x_title), ylabel=panel.y_title, share=panel.share
     )
     aside = np.linspace(-_SPREAD, _SPREAD, len(panel.series)) if panel.names else [0.0] * len(panel.series)
     for series, shift in zip(panel.series, aside, strict=True):
@@ -189,7 +181,6 @@ def _connect(
 
 
 def _mark(axes: Axes, places: FloatArray, heights: FloatArray, look: MethodStyle, sparse: BoolArray) -> None:
-    """Set a marker at each value, a hollow one where there are few pairs."""
     for hollow in (False, True):
         if (sparse == hollow).any():
             axes.plot(
@@ -209,7 +200,6 @@ def _mark(axes: Axes, places: FloatArray, heights: FloatArray, look: MethodStyle
 
 
 def _place_levels(axes: Axes, panel: Panel) -> None:
-    """Scale the axes, and name the levels."""
     if panel.names:
         axes.set_xticks(range(len(panel.names)), panel.names)
         axes.set_xlim(-0.6, len(panel.names) - 0.4)

@@ -26,12 +26,8 @@ from cgroup.plots.style import MethodStyle
 if TYPE_CHECKING:
     import pandas as pd  # slow to load
 
-OVERLAP_EDGES = (0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.0)
-"""Pairs are sorted into these classes of overlap."""
-
-PROBABILITY_EDGES = (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 1.0)
-"""Poses are sorted into these classes of probability."""
-
+OVERLAP_EDGES = (0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.0)  # pairs are sorted into these classes of overlap
+PROBABILITY_EDGES = (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 1.0)  # poses are sorted into these classes of probability
 _SCORES = {"f_score": "F", "precision": "precision", "recall": "recall"}
 _MATCHES = {
     "all": MethodStyle("all", style.QUIET_TEXT, "s", "square"),

@@ -15,24 +15,16 @@ from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 
 from cgroup.plots import style
-from cgroup.plots.agreement import thin
-from cgroup.plots.scene import caption, show
-from cgroup.plots.shading import View, face_broadside, paint
+from cgroup.plots.matches import caption, show
+from cgroup.plots.shading import View, choose_rows, face_broadside, paint
 from cgroup.types import FloatArray
 
-MOST_NAMED = 24
-"""Largest number of scans that are named in a figure."""
-
+MOST_NAMED = 24  # largest number of scans that are named in a figure
 _MOST_POINTS = 300_000
-_APART = 0.06
-"""Least distance of nodes, in widths of the graph; if nearer, all nodes are placed on a circle."""
-
-_HOLE = 0.75
-"""Grey of cells that are filled from their neighbours."""
-
+_APART = 0.06  # least distance of nodes, in widths of the graph; if nearer, all nodes are placed on a circle
+_HOLE = 0.75  # grey of cells that are filled from their neighbours
 _RESIDUALS = LinearSegmentedColormap.from_list("residuals", style.DISTANCE_COLORS)
-LEAST_RANGE = 3.0
-"""Least end of the colour scale, in standard deviations."""
+LEAST_RANGE = 3.0  # least end of the colour scale, in standard deviations
 
 
 def scans_figure(
@@ -63,7 +55,7 @@ def scans_figure(
 
 def look_at(clouds: Sequence[FloatArray]) -> View:
     """Return the view along the thinnest direction; of a map, from above."""
-    few = np.concatenate([cloud[thin(cloud, _MOST_POINTS // len(clouds))] for cloud in clouds])
+    few = np.concatenate([cloud[choose_rows(cloud, _MOST_POINTS // len(clouds))] for cloud in clouds])
     above = few.mean(axis=0)
     above[2] += 1e3 * float(np.ptp(few, axis=0).max())
     return face_broadside(few, above)
@@ -71,7 +63,7 @@ def look_at(clouds: Sequence[FloatArray]) -> View:
 
 def _draw_scans(axes: Axes, clouds: Sequence[FloatArray], colors: FloatArray, view: View) -> None:
     """Draw each cell in the colour of the scan that is nearest to the viewer there."""
-    few = [view.project(cloud[thin(cloud, _MOST_POINTS // len(clouds))]) for cloud in clouds]
+    few = [view.project(cloud[choose_rows(cloud, _MOST_POINTS // len(clouds))]) for cloud in clouds]
     every, scan = np.concatenate(few), np.repeat(np.arange(len(few)), [len(cloud) for cloud in few])
     picture = paint(every, np.zeros(len(every)), lambda mean: np.ones((*mean.shape, 3)))
     height, width = picture.rgba.shape[:2]

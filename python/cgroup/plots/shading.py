@@ -1,4 +1,4 @@
-"""Point clouds as shaded pictures: a range image along the viewing direction, lit from the left."""
+"""Point clouds as shaded pictures, lit from the left, and distances between two clouds for their colours."""
 
 from __future__ import annotations
 
@@ -9,10 +9,13 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cgroup.types import BoolArray, FloatArray, IndexArray
+from cgroup import _core
+from cgroup._checks.values import run_options
+from cgroup.features import normals
+from cgroup.types import BoolArray, Correspondences, FloatArray, IndexArray
 
 Tint: TypeAlias = tuple[float, float, float]
-
+Extent: TypeAlias = tuple[float, float, float, float]
 
 LIGHT = np.array([-0.45, 0.55, 0.70])  # towards the light: upper left, in front
 AMBIENT = 0.35
@@ -20,6 +23,9 @@ _AMBIENT_ON_VALUES = 0.75  # light and shadow must not be taken for the value
 _CELLS = 240  # along the larger side of a picture, at most
 _OUTLIERS = 0.01  # share of the points beyond each side that may be left out ...
 _MARGIN = 0.3  # ... if they are farther off than this share of the width of the others
+_NEIGHBORS = 16  # points that define the plane about a point
+_REACH = 2.5  # resolutions of the matches: largest distance of a counterpart in the other cloud
+_SHARE = 0.025  # of the target's deviation from its mean, instead of the resolution where matches have none
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +60,7 @@ class Picture:
     """A shaded picture in the plane of projection."""
 
     rgba: FloatArray  # (height,width,4), transparent where there is no point; first row at the bottom
-    extent: tuple[float, float, float, float]  # left, right, bottom, top
+    extent: Extent  # left, right, bottom, top
 
 
 def shade(projected: FloatArray, tint: Tint) -> Picture:
@@ -86,7 +92,6 @@ def paint(projected: FloatArray, values: FloatArray, color_of: Callable[[FloatAr
 def _sum_around(
     column: IndexArray, row: IndexArray, values: FloatArray, shape: tuple[int, int]
 ) -> FloatArray:
-    """Sum values over each cell and those around it."""
     sums = np.zeros(shape)
     np.add.at(sums, (column, row), values)
     return np.nansum([_shift(sums, (i, j)) for i in (-1, 0, 1) for j in (-1, 0, 1)], axis=0)
@@ -140,9 +145,9 @@ def _surface(projected: FloatArray, grid: _Grid) -> FloatArray:
 
 def _light(depth: FloatArray, cell: float, tint: FloatArray, ambient: float) -> FloatArray:
     slopes = [_slope(depth, axis) / cell for axis in (0, 1)]
-    normals = np.stack([-slopes[0], -slopes[1], np.ones_like(depth)], axis=-1)
-    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-    diffuse = np.clip(normals @ (LIGHT / np.linalg.norm(LIGHT)), 0, 1)
+    facing = np.stack([-slopes[0], -slopes[1], np.ones_like(depth)], axis=-1)
+    facing /= np.linalg.norm(facing, axis=-1, keepdims=True)
+    diffuse = np.clip(facing @ (LIGHT / np.linalg.norm(LIGHT)), 0, 1)
     color = (ambient + (1 - ambient) * diffuse)[..., None] * tint
     return np.concatenate([color, np.isfinite(depth)[..., None]], axis=-1)
 
@@ -197,3 +202,32 @@ def _slope(depth: FloatArray, axis: int) -> FloatArray:
     both = np.where(np.abs(behind) > 2 * np.abs(ahead), ahead, both)
     both = np.where(np.isnan(both), np.where(np.isnan(ahead), behind, ahead), both)
     return np.nan_to_num(both)
+
+
+def color_range(matches: Correspondences, target: FloatArray) -> float:
+    """Return the end of the colour scale: the resolution of the matches, 0.4 voxels in `register`."""
+    return matches.resolution or _SHARE * float(np.sqrt(target.var(axis=0).sum())) or 1.0
+
+
+def planes(points: FloatArray) -> FloatArray:
+    """(N,3) normal of the plane about each point; zero where there is none."""
+    if len(points) <= _NEIGHBORS:
+        return np.zeros_like(points)
+    return np.nan_to_num(normals(points, neighbors=_NEIGHBORS))
+
+
+def distances(points: FloatArray, planes: FloatArray, others: FloatArray, end: float) -> FloatArray:
+    """(N,) distance of the nearest other point from the plane about each point; NaN without a counterpart.
+
+    This is the distance between surfaces; that of points is mostly the distance between samples.
+    """
+    offsets = _core.nearest(points, others, run_options(), _REACH * end)
+    off_plane = np.abs(np.einsum("ij,ij->i", offsets, planes))
+    return np.where(planes.any(axis=1), off_plane, np.linalg.norm(offsets, axis=1))
+
+
+def choose_rows(points: FloatArray, most: int) -> IndexArray:
+    """Return rows of at most `most` points, a random part of more."""
+    if len(points) <= most:
+        return np.arange(len(points))
+    return np.sort(np.random.default_rng(0).choice(len(points), most, replace=False))

@@ -1,11 +1,9 @@
 """Colours, markers and labels, the same in every figure.
 
-The colours of the paper's methods are Paul Tol's "muted" scheme, which stays distinct for colour-blind
-readers; the markers tell the methods apart in print, and dashes the individual-based methods from the
-group-based. Methods from outside get colours and markers that none of the package's has, by the order in
-which they appear: eight colours, chosen to be at least 13 apart from each other and 9 from the package's, in
-CIEDE2000, for normal vision and for deuteranopia, protanopia and tritanopia as Machado et al. (2009) simulate
-them.
+The colours of the paper's methods are Paul Tol's "muted" scheme, which is distinct for colour-blind readers;
+individual-based methods are dashed. Methods from outside get other colours and markers, in order; the colours
+are at least 13 apart from each other and 9 from the package's in CIEDE2000, also for simulated deuteranopia,
+protanopia and tritanopia (Machado et al., 2009).
 """
 
 from __future__ import annotations
@@ -63,8 +61,8 @@ METHOD_STYLES = {
 }
 """Those of the package."""
 
+# Of methods from outside, in this order.
 OWN_COLORS = ("#0000FF", "#D20F00", "#D2A5B4", "#784B4B", "#7878FF", "#78000F", "#B4C396", "#9687B4")
-"""Of methods from outside, in this order."""
 
 
 def _outline(*corners: tuple[float, float]) -> Path:
@@ -83,34 +81,23 @@ OWN_MARKERS = (
 )
 """Of methods from outside: matplotlib's, plotly's, and sizes."""
 
+# Correct matches: a bluish green, distinct from `WRONG` for all common kinds of colour vision.
 CORRECT = "#009E73"
-"""Correct matches: a bluish green, distinct from `WRONG` for all common kinds of colour vision."""
-
-WRONG = "#D55E00"
-"""Wrong matches: vermilion."""
-
-MISSED = "#CC79A7"
-"""Correct matches that were dropped: a reddish purple, of the same scheme."""
-
-GROUPED = "#0072B2"
-"""Matches of a group where it isn't known which are correct."""
-
+WRONG = "#D55E00"  # wrong matches: vermilion
+MISSED = "#CC79A7"  # correct matches that were dropped: a reddish purple, of the same scheme
+GROUPED = "#0072B2"  # matches of a group where it isn't known which are correct
 SOURCE_TINT = (0.93, 0.83, 0.62)
 TARGET_TINT = (0.70, 0.80, 0.91)
 """Clouds are shaded in these colours."""
 
+# Distances from none to the greatest: a part of matplotlib's viridis, lighter with every step.
 DISTANCE_COLORS = ("#414487", "#2f6c8e", "#21918c", "#2fb47c", "#7ad151", "#dfe318")
-"""Distances from none to the greatest: a part of matplotlib's viridis, lighter with every step."""
-
-ALONE = "#bcbcbc"
-"""Points without a counterpart in the other cloud."""
-
+ALONE = "#bcbcbc"  # points without a counterpart in the other cloud
 TEXT = "#222222"
 QUIET_TEXT = "#666666"
 GRID = "#e3e3e3"
 DOTS_PER_INCH = 150
-PRINT_WIDTH = 7.2
-"""Inches: both columns of a page."""
+PRINT_WIDTH = 7.2  # inches: both columns of a page
 
 
 def method_styles(
@@ -142,9 +129,7 @@ def own_styles(names: Iterable[str], used: int = 0) -> dict[str, MethodStyle]:
     colors = len(OWN_COLORS)
     return {
         name: MethodStyle(
-            name,
-            OWN_COLORS[place % colors],
-            *OWN_MARKERS[(place + place // colors) % len(OWN_MARKERS)],
+            name, OWN_COLORS[place % colors], *OWN_MARKERS[(place + place // colors) % len(OWN_MARKERS)]
         )
         for place, name in enumerate(names, used)
     }

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.random import default_rng  # NumPy loads it late, and there may be no memory for it by then
 
-from cgroup.evaluation import within
+from cgroup.features import within
 from cgroup.rigid import apply
 from cgroup.rigid.transforms import cross_products
 from cgroup.types import FloatArray, IndexArray

@@ -10,7 +10,7 @@ from cgroup.benchmark.report.cells import Cell, Table, median, number, tabulate
 from cgroup.benchmark.report.charts import PageChart
 from cgroup.benchmark.report.pictures import PictureBook
 from cgroup.evaluation import ecdf
-from cgroup.evaluation.scenes import ROTATION_LIMITS, TRANSLATION_LIMITS
+from cgroup.evaluation.scene_scores import ROTATION_LIMITS, TRANSLATION_LIMITS
 from cgroup.plots.experiments import scenes_chart
 from cgroup.types import FloatArray
 

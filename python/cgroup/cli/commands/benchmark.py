@@ -13,18 +13,19 @@ from typing import TYPE_CHECKING, Any, Literal
 import typer
 
 from cgroup.cli.command import command, examples, make_app
+from cgroup.cli.documents import Document
 from cgroup.cli.options import JSON, OUTPUT, WIDE, argument, choice, complete_presets, flag, folder, option
-from cgroup.cli.show.json import Document
-from cgroup.cli.show.tables import Column, print_table
-from cgroup.cli.show.terminal import (
+from cgroup.cli.process import StoppedError, stop_on_signals
+from cgroup.cli.terminal import (
+    Column,
     paint,
     print_line,
     print_prose,
+    print_table,
     print_text,
     show_progress,
     show_stages,
 )
-from cgroup.cli.signals import StoppedError, stop_on_signals
 from cgroup.errors import InputError
 from cgroup.io.result_folders import check_folder
 

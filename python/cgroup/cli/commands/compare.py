@@ -10,22 +10,22 @@ import numpy as np
 import typer
 
 from cgroup import io
-from cgroup._checks.values import refusal
 from cgroup.cli import options
 from cgroup.cli.command import command, identify_run, make_app
-from cgroup.cli.inputs import describe_pair, read_both
+from cgroup.cli.documents import Document
+from cgroup.cli.files import PairFiles, describe_pair, name_of_pair, read_both
 from cgroup.cli.options import option
-from cgroup.cli.pair_files import PairFiles, name_of_pair
-from cgroup.cli.show.json import Document
-from cgroup.cli.show.registration import placement_facts, registration_results
-from cgroup.cli.show.tables import Column, print_table, show_value
-from cgroup.cli.show.terminal import (
+from cgroup.cli.registration_facts import placement_facts, registration_results
+from cgroup.cli.terminal import (
+    Column,
     print_clouds,
     print_facts,
     print_files,
     print_line,
     print_prose,
+    print_table,
     show_stages,
+    show_value,
     shown_name,
     write_figure,
 )
@@ -57,20 +57,10 @@ _COLUMNS = (
     Column("off pr"),
     Column("ms"),
 )
-_BEST = {
-    2: ("precision", max),
-    3: ("recall", max),
-    4: ("f_score", max),
-    7: ("rotation_error_deg", min),
-    8: ("displacement_pr", min),
-}
-"""Columns in which the best value is marked: key, and how to choose it."""
-
 app = make_app()
 
 
 def _print_comparison(document: Document, *, wide: bool) -> None:
-    """Print methods compared on one pair, from their document: the best F first."""
     results = document["results"]
     limits = results["limits"]
     print_clouds(document["inputs"])
@@ -81,11 +71,7 @@ def _print_comparison(document: Document, *, wide: bool) -> None:
         ("matching", f"{counted}: within {CORRECT_WITHIN:g} pr of the true place"),
     )
     rows = sorted(results["methods"], key=lambda row: (-row["f_score"], row["milliseconds"]))
-    best: set[tuple[int, int]] = set()  # ties are all best
-    for column, (name, pick) in _BEST.items():
-        top = pick((row[name] for row in rows if row[name] is not None), default=None)
-        best |= {(at, column) for at, row in enumerate(rows) if top is not None and row[name] == top}
-    print_table(_COLUMNS, [_cells(row) for row in rows], best=best, wide=wide)
+    print_table(_COLUMNS, [_cells(row) for row in rows], wide=wide)
     print_prose(
         f"Registered: the errors of the group's pose are at most {limits['max_rotation_deg']:g} degrees and "
         f"{limits['max_displacement_pr']:g} pr, the latter as mean displacement of the matched points. "
@@ -135,16 +121,6 @@ def compare_command(
     target: Path = options.TARGET,
     *,
     truth: Path = option(..., "POSE", "File of the true pose of the source in the target.", options.TRUTH),
-    max_rotation: float = option(
-        MAX_ROTATION, "DEGREES", "Largest rotation error of a registered pair.", "Limits", min=0
-    ),
-    max_displacement: float = option(
-        MAX_DISPLACEMENT,
-        "PR",
-        "Largest mean displacement of the matched points of a registered pair.",
-        "Limits",
-        min=0,
-    ),
     out: Path = options.OUT,
     html: bool = options.HTML,
     **front_end: Any,
@@ -153,9 +129,6 @@ def compare_command(
 
     Writes the table, the matches and a picture.
     """
-    for name, limit in (("max_rotation", max_rotation), ("max_displacement", max_displacement)):
-        if not np.isfinite(limit):
-            raise refusal(name, limit, "give a finite number")
     true_pose = io.read_transform(truth)
     return _compare_methods(
         (source, target),
@@ -165,7 +138,6 @@ def compare_command(
         folder=out,
         run=identify_run(context),
         html=html,
-        limits=(max_rotation, max_displacement),
         **front_end,
     )
 
@@ -204,13 +176,7 @@ def demo_command(
         io.write_cloud(target, pair.target)
         io.write_transform(truth, true_pose)
     parts = _compare_methods(
-        (source, target),
-        clouds,
-        true_pose,
-        title="Generated pair",
-        folder=out,
-        run=run,
-        html=html,
+        (source, target), clouds, true_pose, title="Generated pair", folder=out, run=run, html=html
     )
     with show_stages() as begin:
         done = register(*clouds, progress=begin)
@@ -229,10 +195,8 @@ def _compare_methods(
     folder: Path,
     run: str,
     html: bool,
-    limits: tuple[float, float] = (MAX_ROTATION, MAX_DISPLACEMENT),
     **front_end: Any,
 ) -> Document:
-    """Match, group by every method, and write the files; `limits` are in degrees and pr."""
     name, pages = name_of_pair(*files), ["comparison.html"] if html else []
     endings = ["comparison.csv", "comparison.png", "comparison.npz"]
     rows, panels_file, matches_file, *pages = (folder / f"{name}_{ending}" for ending in (*endings, *pages))
@@ -246,8 +210,6 @@ def _compare_methods(
                 matches,
                 true_pose,
                 correct=correct,
-                max_rotation=limits[0],
-                max_displacement=limits[1] * (matches.resolution or np.nan),
                 progress=lambda method: begin(f"grouping by {label_of(method)}"),
             )
         )
@@ -273,14 +235,13 @@ def _compare_methods(
                 page = comparison_page(*clouds, matches, results, true_pose, correct=correct, title=title)
                 write_page(file, page)
     described = _describe(matches, correct, true_pose, results)
-    described["limits"] = {"max_rotation_deg": limits[0], "max_displacement_pr": limits[1]}
+    described["limits"] = {"max_rotation_deg": MAX_ROTATION, "max_displacement_pr": MAX_DISPLACEMENT}
     return {"inputs": describe_pair(files, clouds), "results": described, "files": written}
 
 
 def _describe(
     matches: Correspondences, correct: BoolArray, true_pose: FloatArray, results: Sequence[MethodResult]
 ) -> Document:
-    """Return the results of a comparison for a document."""
     pr = matches.resolution or np.nan
     methods = [
         {**row, "displacement_pr": result.displacement / pr, "T_target_source": result.T_target_source}

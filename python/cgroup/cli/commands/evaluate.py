@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -13,27 +12,22 @@ from cgroup._checks.quoting import escape
 from cgroup._show.words import counted
 from cgroup.cli import options
 from cgroup.cli.command import command, make_app
+from cgroup.cli.documents import Document
+from cgroup.cli.files import unique_names
 from cgroup.cli.options import option
-from cgroup.cli.show.json import Document, make_document
-from cgroup.cli.show.tables import UNKNOWN, Column, print_table, show_value
-from cgroup.cli.show.terminal import print_facts, print_files, print_prose, print_text
+from cgroup.cli.terminal import UNKNOWN, Column, print_facts, print_prose, print_table, print_text, show_value
 from cgroup.errors import InputError
 from cgroup.evaluation import recall_protocols as protocols
-from cgroup.evaluation.paired_tests import compare_results
-from cgroup.evaluation.recall_protocols import Recall, RecallProtocol
+from cgroup.evaluation.recall_protocols import Recall, RecallProtocol, compare_results
 from cgroup.evaluation.recalls import registration_recall
 from cgroup.evaluation.result_files import PairErrors, read_results, read_truth, show_pair
-from cgroup.io.files import written_path
 from cgroup.types import BoolArray
 
+# Bounds of levels: 3DLoMatch has pairs of 0.1 to 0.3, 3DMatch those above.
 _OVERLAPS = (0.0, 0.1, 0.3, 0.5, 0.7, 1.0)
-"""Bounds of levels: 3DLoMatch has pairs of 0.1 to 0.3, 3DMatch those above."""
-
-_FACTORS = tuple(k / 10 for k in range(1, 21))
-"""Multiples of the limits, for the curve."""
-
+_FACTORS = tuple(k / 10 for k in range(1, 21))  # multiples of the limits, for the curve
 _COUNTS = ("right", "wrong", "refused", "missing")
-_WORST = 20  # poses of a result that are listed
+_WORST = 20  # poses of a result that a document lists
 _WORDS = ("result", "one", "other", "scene", "overlap", "limits x")  # others are columns of numbers
 _LATEX = str.maketrans(
     {letter: f"\\{letter}" for letter in "&%$#_{}"}
@@ -62,13 +56,9 @@ def print_evaluation(
         print_table(described, rows, wide=wide)
         print_text("")
     print_facts(*_facts(done))
-    print_files(document)
 
 
-def _tables(
-    done: Document, *, curve: bool, worst: bool = False
-) -> Iterator[tuple[str, list[str], list[list[str]]]]:
-    """Yield heading, columns and rows of each table."""
+def _tables(done: Document, *, curve: bool) -> Iterator[tuple[str, list[str], list[list[str]]]]:
     methods: list[Document] = done["methods"]
     names, titles = ([one["name"] for one in done[key]] for key in ("methods", "recalls"))
     main, scenes = titles[done["main"]], [*dict.fromkeys(scene for one in methods for scene in one["scenes"])]
@@ -91,14 +81,9 @@ def _tables(
         rows = [[show_value(cell, ".2g") for cell in test.values()] for test in done["tests"]]
         heading = "Pairs registered by one result only; p of McNemar's exact test, adjusted by Holm"
         yield heading, ["one", "other", "only one", "only other", "p"], rows
-    if worst:
-        rows = [[one["name"], *map(show_value, pair.values())] for one in methods for pair in one["worst"]]
-        heading = f"Worst poses by {main}: at most {_WORST} per result"
-        yield heading, ["result", "pair", "overlap", "limits x", "RRE deg", "RTE", "RMSE"], rows
 
 
 def _facts(done: Document) -> list[tuple[str, str]]:
-    """Return definitions of the recalls, notes, and open points of the protocol."""
     recalls = [f"{one['name']}: {one['criterion']}" for one in done["recalls"]]
     facts = {"recall": recalls, "note": done["notes"], "left open": done["left_open"]}
     return [(name, sentence) for name, sentences in facts.items() for sentence in sentences]
@@ -152,7 +137,6 @@ def evaluate_command(
     curve: bool = options.flag("--curve", "Print the recall at 0.1 to 2 times the limits too."),  # noqa: ARG001
     latex: bool = options.flag("--latex", "Print the table of recalls as LaTeX."),  # noqa: ARG001 - for `show`
     markdown: bool = options.flag("--markdown", "Print the table of recalls as Markdown."),  # noqa: ARG001
-    html: Path | None = option(None, "FILE", "Write an interactive page too.", options.OUTPUT),
 ) -> Document:
     """Score and compare registration results of any tool by all recalls of a protocol.
 
@@ -161,7 +145,8 @@ def evaluate_command(
     """
     by, known = protocols.read_protocol(protocol), None if truth is None else read_truth(truth)
     found: dict[str, PairErrors] = {}
-    for name, path in zip(_names_of(results), results, strict=True):
+    short = [path.parent.name if path.stem == "est" else path.stem for path in results]
+    for name, path in zip(unique_names(results, short), results, strict=True):
         for one in read_results(path, known):
             if isinstance(one, PairErrors):
                 found[f"{name}: {one.name}" if one.name in found else one.name] = one
@@ -172,28 +157,11 @@ def evaluate_command(
                 found[name] = protocols.score_poses(known, one, inverse=inverse)
                 if not inverse:
                     protocols.refuse_inverses(known, one, found[name], _main_recall(by, found[name]))
-    done = make_document("evaluate", results=_evaluate(by, found))["results"]
-    if html is not None:
-        from cgroup.pages.evaluation import evaluation_page  # noqa: PLC0415 - slow to load
-        from cgroup.pages.page import write_page  # noqa: PLC0415
-
-        curves = {one["name"]: one["curve"] for one in done["methods"]}
-        recall, tables = done["recalls"][done["main"]]["name"], _tables(done, curve=True, worst=True)
-        page = evaluation_page(by.title, recall, tables, _FACTORS, curves, _facts(done))
-        write_page(written_path(html, "pages", ".html"), page)
     inputs = [{"role": f"result {number}", "file": path} for number, path in enumerate(results, 1)]
-    return {"inputs": inputs, "results": done, "files": [html] if html else []}
-
-
-def _names_of(paths: Sequence[Path]) -> list[str]:
-    """Name results after their files, or by the whole path if two names are equal."""
-    short = [path.parent.name if path.stem == "est" else path.stem for path in paths]
-    count = Counter(short)
-    return [name if name and count[name] == 1 else str(path) for name, path in zip(short, paths, strict=True)]
+    return {"inputs": inputs, "results": _evaluate(by, found), "files": []}
 
 
 def _main_recall(by: RecallProtocol, *found: PairErrors) -> Recall:
-    """Return the first recall that can be computed for all results."""
     for recall in by.recalls:
         if all(map(recall.is_known, found)):
             return recall
@@ -229,7 +197,6 @@ def _evaluate(by: RecallProtocol, found: dict[str, PairErrors]) -> Document:
 
 
 def _describe(name: str, found: PairErrors, by: RecallProtocol, main: Recall) -> Document:
-    """Return the description of a result for a document."""
     counts, right = main.counted(found), main.registered(found)
     scenes, levels = np.array([key[0] for key in found.keys]), np.digitize(found.overlap, _OVERLAPS[1:-1])
     levels[np.isnan(found.overlap)] = -1

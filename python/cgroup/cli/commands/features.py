@@ -8,16 +8,9 @@ from typing import Any
 from cgroup import io
 from cgroup.cli import options
 from cgroup.cli.command import command, make_app
-from cgroup.cli.inputs import describe_cloud, read_cloud
-from cgroup.cli.show.json import Document
-from cgroup.cli.show.terminal import (
-    print_clouds,
-    print_facts,
-    print_files,
-    show_stages,
-    shown_name,
-    write_figure,
-)
+from cgroup.cli.documents import Document
+from cgroup.cli.files import describe_cloud, read_cloud
+from cgroup.cli.terminal import print_clouds, print_facts, print_files, show_stages, shown_name, write_figure
 from cgroup.io.result_folders import Results
 from cgroup.registration import Detector, describe, detect
 from cgroup.types import IndexArray, PointCloud
@@ -48,12 +41,7 @@ def _print_features(document: Document) -> None:
     show=_print_features,
     takes=("detector", "keypoints", "nms_radius", "resolution"),
 )
-def detect_command(
-    cloud: Path = options.CLOUD,
-    *,
-    out: Path = options.OUT,
-    **front_end: Any,
-) -> Document:
+def detect_command(cloud: Path = options.CLOUD, *, out: Path = options.OUT, **front_end: Any) -> Document:
     """Find the keypoints of one cloud.
 
     Writes them as arrays, as a coloured cloud and as a picture.
@@ -85,12 +73,7 @@ def detect_command(
     show=_print_features,
     takes=options.FRONT,
 )
-def describe_command(
-    cloud: Path = options.CLOUD,
-    *,
-    out: Path = options.OUT,
-    **front_end: Any,
-) -> Document:
+def describe_command(cloud: Path = options.CLOUD, *, out: Path = options.OUT, **front_end: Any) -> Document:
     """Find the keypoints of one cloud, and give each a frame and a descriptor.
 
     Writes all as arrays, and the keypoints as a coloured cloud and as a picture.
@@ -118,7 +101,6 @@ def describe_command(
 def _write_pictures(
     folder: Path, file: Path, cloud: PointCloud, found: IndexArray, detector: Detector
 ) -> None:
-    """Write the keypoints as a coloured cloud, and as a picture."""
     from cgroup.plots import keypoints_figure  # noqa: PLC0415 - slow to load
 
     title = f"{shown_name(file)}, {_DETECTORS[detector]}"

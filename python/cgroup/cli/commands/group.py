@@ -14,10 +14,10 @@ from cgroup import io
 from cgroup._checks.values import as_length
 from cgroup.cli import options
 from cgroup.cli.command import command, make_app
-from cgroup.cli.inputs import extent_of
+from cgroup.cli.documents import Document
+from cgroup.cli.files import extent_of
 from cgroup.cli.options import argument, option
-from cgroup.cli.show.json import Document
-from cgroup.cli.show.terminal import print_facts, print_files, print_line, print_pose, show_stages
+from cgroup.cli.terminal import print_facts, print_files, print_line, print_pose, show_stages
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.evaluation import match_errors
 from cgroup.group import check_method, group
@@ -26,14 +26,11 @@ from cgroup.registry import METHODS, label_of
 from cgroup.types import Correspondences, FloatArray, Grouping
 
 _PARTS = ("mask", "transform", "residuals")
-_WITHOUT_TOLERANCE = ("gtm",)
-"""Methods whose tolerance belongs to an option that the command line lacks."""
-
+_WITHOUT_TOLERANCE = ("gtm",)  # methods whose tolerance belongs to an option that the command line lacks
 app = make_app()
 
 
 def _read_tolerance(text: str | None) -> float | str | None:
-    """Return a length as a number; None and "auto" as they are."""
     try:
         return text if text in (None, "auto") else float(text)
     except ValueError:
@@ -41,7 +38,6 @@ def _read_tolerance(text: str | None) -> float | str | None:
 
 
 def _print_group(document: Document) -> None:
-    """Print a group from its document."""
     found, method = document["results"], document["options"]["method"]
     matches, pr = document["inputs"][0]["matches"], document["options"]["resolution"]
     label = label_of(method)
@@ -147,7 +143,6 @@ def group_command(
 def _write_files(
     files: list[Path], matches: Correspondences, grouping: Grouping, pose: FloatArray | None
 ) -> None:
-    """Write the mask; and pose and residuals, if there is a pose."""
     mask, transform, residuals = files
     io.write_mask(mask, grouping.mask)
     if pose is not None:
@@ -181,7 +176,6 @@ def _method_options(method: str, tolerance: float | str | None) -> dict[str, Any
 
 
 def _results(matches: Correspondences, grouping: Grouping) -> Document:
-    """Return the results of a group for a document."""
     results: Document = {
         "selected": grouping.size,
         "indices": grouping.indices,
@@ -211,7 +205,6 @@ def _length(value: float, pr: float | None) -> str:
 
 
 def _reliability(found: Document, label: str) -> str:
-    """Describe how reliable a group is, as far as its method estimates it."""
     if found["ok"] is None:
         return f"unknown: {label} has no estimate; --method lc has"
     chance = _count_by_chance(found["false_alarms"])

@@ -7,13 +7,20 @@ from typing import Any
 
 from cgroup.cli import options
 from cgroup.cli.command import command, make_app
-from cgroup.cli.inputs import describe_cloud, read_cloud
+from cgroup.cli.documents import Document
+from cgroup.cli.files import describe_cloud, name_frames, name_of_pair, read_cloud, refuse_others, write_pose
 from cgroup.cli.options import Point, option
-from cgroup.cli.pair_files import name_frames, name_of_pair, refuse_others, write_pose
-from cgroup.cli.show.json import Document
-from cgroup.cli.show.registration import placement_facts, registration_results
-from cgroup.cli.show.tables import Column, print_table, show_length
-from cgroup.cli.show.terminal import print_clouds, print_facts, print_line, print_pose, show_stages
+from cgroup.cli.registration_facts import placement_facts, registration_results
+from cgroup.cli.terminal import (
+    Column,
+    print_clouds,
+    print_facts,
+    print_line,
+    print_pose,
+    print_table,
+    show_length,
+    show_stages,
+)
 from cgroup.errors import InputError
 from cgroup.io.files import check_outputs
 from cgroup.io.result_folders import Results, check_folder, make_folder
@@ -28,7 +35,6 @@ app = make_app()
 
 
 def _print_places(document: Document, *, wide: bool) -> None:
-    """Print the places of a scan from the document."""
     done, places = document["results"], document["results"]["places"]
     print_clouds(document["inputs"])
     levels = ", ".join(f"{level['voxels']} of {level['voxel']:.4g}" for level in done["levels"])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -13,11 +12,19 @@ import typer
 from cgroup._show.words import counted
 from cgroup.cli import options
 from cgroup.cli.command import command, identify_run, make_app
+from cgroup.cli.documents import Document
+from cgroup.cli.errors import is_given
+from cgroup.cli.files import print_contents, unique_names
 from cgroup.cli.options import option
-from cgroup.cli.show.json import Document
-from cgroup.cli.show.tables import Column, print_table, show_length
-from cgroup.cli.show.terminal import print_facts, print_line, show_stages, write_figure
-from cgroup.cli.wording import is_given
+from cgroup.cli.terminal import (
+    Column,
+    print_facts,
+    print_line,
+    print_table,
+    show_length,
+    show_stages,
+    write_figure,
+)
 from cgroup.errors import CgroupError
 from cgroup.io.attributes import unkept_attributes
 from cgroup.io.clouds import find_clouds
@@ -50,9 +57,7 @@ _EDGE_KEYS = (
 )
 """Attributes of an edge that a document has."""
 
-_MOST_EDGES = 40
-"""Edges that are printed: dropped ones first, then by residual."""
-
+_MOST_EDGES = 40  # edges that are printed: dropped ones first, then by residual
 _POSES, _GRAPH, _MERGED, _PICTURE = "poses.tum", "graph.g2o", "merged.ply", "scene.png"
 _PAGE, _PAIRS = "scene.html", "pairs.sqlite"
 _FILES = {
@@ -69,7 +74,6 @@ app = make_app()
 
 
 def _print_scene(document: Document, *, wide: bool) -> None:
-    """Print a scene from its document."""
     done, files = document["results"], [Path(file) for file in document["files"]]
     scans, edges = done["scans"], done["edges"]
     print_table(
@@ -105,11 +109,7 @@ def _print_scene(document: Document, *, wide: bool) -> None:
         *(("note", note) for note in done["notes"]),
         *([("not kept", f"{', '.join(unkept)} of the scans")] if unkept else []),
     )
-    width = max((len(file.name) for file in files), default=0)
-    if files:
-        print_line(f"wrote to {files[0].parent}/")
-    for file in files:
-        print_line(f"  {file.name:<{width}}  {_FILES[_first_name(file)]}")
+    print_contents({file: _FILES[_first_name(file)] for file in files})
 
 
 def _row_of(edge: Document, scans: Sequence[Document]) -> tuple[str, ...]:
@@ -123,7 +123,6 @@ def _chance(value: float | None) -> str:
 
 
 def _first_name(file: Path) -> str:
-    """Return the name of the same file of the first component."""
     return f"{file.stem.partition('_')[0]}{file.suffix}"
 
 
@@ -168,30 +167,31 @@ def merge_command(
     pairs are kept in pairs.sqlite, from which a killed run continues.
     """
     scans = find_clouds("CLOUD", scans)
-    check_outputs(_all_files(out, len(scans)), scans)
+    possible = _files_of(out, max(1, len(scans) // 2), html=True)
+    check_outputs([*possible, out / _PAIRS], scans)
     results = Results(out, "merge")
     results.check(_files_of(out, 1, html=html))
     with _folder_if_needed(out), show_stages(piped=True) as begin:
         scene = register_all(
             scans,
-            names=_names_of(scans),
+            names=unique_names(scans, [file.name for file in scans]),
             **shared,
             keep=out / _PAIRS,
             scheduler=scheduler,
             threads=threads,
             progress=begin,
         )
-        placed = _describe(scene, scans, begin)
+        inputs, placed = _describe(scene, scans, begin)
         begin("writing")
         several = sum(len(rows) > 1 for rows in scene.components)
         results.check(_files_of(out, several, html=html))
         with results.writing(identify_run(context)) as files:
             _write(scene, out, several, html=html)
     parts: Document = {
-        "inputs": [{"role": "scan", "file": file, **one} for file, one in zip(scans, placed[0], strict=True)],
+        "inputs": inputs,
         "results": {
             "components": scene.components,
-            "scans": placed[1],
+            "scans": placed,
             "edges": [{key: getattr(edge, key) for key in _EDGE_KEYS} for edge in scene.edges],
             "tried": scene.tried,
             "voxel": scene.voxel,
@@ -237,17 +237,6 @@ def _folder_if_needed(folder: Path) -> Generator[None]:
         raise
 
 
-def _names_of(files: Sequence[Path]) -> list[str]:
-    """Return the names of files, as whole paths if two names are equal."""
-    count = Counter(file.name for file in files)
-    return [file.name if count[file.name] == 1 else str(file) for file in files]
-
-
-def _all_files(folder: Path, scans: int) -> list[Path]:
-    """List all files that a run on so many scans may write."""
-    return [*_files_of(folder, max(1, scans // 2), html=True), folder / _PAIRS]
-
-
 def _files_of(folder: Path, components: int, *, html: bool) -> list[Path]:
     """List the files of so many components of two scans or more."""
     of_each = (_POSES, _GRAPH, _MERGED, _PICTURE)
@@ -266,38 +255,31 @@ def _describe(scene: Scene, files: Sequence[Path], begin: Any) -> tuple[list[Doc
     inputs: list[Document] = []
     scans: list[Document] = []
     for row, file in enumerate(files):
-        if row not in component:
-            inputs.append({"points": None, "dropped": None, "centroid": None, "not_kept": []})
-            scans.append(_describe_scan(scene, row, None, (None, None)))
-            continue
-        begin(f"reading {file.name}")
-        cloud = cloud_of(scene, row)
-        middle = cloud.points.mean(axis=0)
-        deviations = deviations_at(scene.covariance[row], apply(scene.poses[row], middle[None])[0])
-        unkept = unkept_attributes(file)
-        inputs.append(
-            {"points": len(cloud), "dropped": cloud.dropped, "centroid": middle, "not_kept": unkept}
+        read: Document = {"points": None, "dropped": None, "centroid": None, "not_kept": []}
+        deviations: tuple[float | None, float | None] = None, None
+        is_placed = row in component
+        if is_placed:
+            begin(f"reading {file.name}")
+            cloud = cloud_of(scene, row)
+            middle, unkept = cloud.points.mean(axis=0), unkept_attributes(file)
+            deviations = deviations_at(scene.covariance[row], apply(scene.poses[row], middle[None])[0])
+            read = {"points": len(cloud), "dropped": cloud.dropped, "centroid": middle, "not_kept": unkept}
+        inputs.append({"role": "scan", "file": file, **read})
+        scans.append(
+            {
+                "name": scene.names[row],
+                "component": component.get(row),
+                "T_component_scan": scene.poses[row] if is_placed else None,
+                "probability": scene.probability[row],
+                "covariance": scene.covariance[row] if is_placed else None,
+                "deviation_deg": deviations[0],
+                "deviation": deviations[1],
+            }
         )
-        scans.append(_describe_scan(scene, row, component[row], deviations))
     return inputs, scans
 
 
-def _describe_scan(
-    scene: Scene, row: int, component: int | None, deviations: tuple[float | None, float | None]
-) -> Document:
-    return {
-        "name": scene.names[row],
-        "component": component,
-        "T_component_scan": None if component is None else scene.poses[row],
-        "probability": scene.probability[row],
-        "covariance": None if component is None else scene.covariance[row],
-        "deviation_deg": deviations[0],
-        "deviation": deviations[1],
-    }
-
-
 def _write(scene: Scene, folder: Path, components: int, *, html: bool) -> None:
-    """Write the files of each component of two scans or more."""
     for k in range(components):
         for name in (_POSES, _GRAPH, _MERGED):
             scene.write(_file(folder, name, k), component=k)

@@ -13,12 +13,18 @@ from cgroup import io
 from cgroup._checks.arrays import in_double
 from cgroup.cli import options
 from cgroup.cli.command import command, make_app
-from cgroup.cli.inputs import describe_cloud, read_cloud
+from cgroup.cli.documents import Document
+from cgroup.cli.files import describe_cloud, name_frames, name_of_pair, read_cloud, refuse_others, write_pose
 from cgroup.cli.options import argument, option
-from cgroup.cli.pair_files import name_frames, name_of_pair, refuse_others, write_pose
-from cgroup.cli.show.json import Document
-from cgroup.cli.show.tables import Column, print_table, show_length
-from cgroup.cli.show.terminal import print_clouds, print_facts, print_files, show_stages
+from cgroup.cli.terminal import (
+    Column,
+    print_clouds,
+    print_facts,
+    print_files,
+    print_table,
+    show_length,
+    show_stages,
+)
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.io.files import check_outputs
 from cgroup.io.result_folders import Results
@@ -26,7 +32,7 @@ from cgroup.registration import Registration, recognize
 from cgroup.registration.motions import say_direction
 from cgroup.rigid import apply, rotation_error
 from cgroup.rigid.transforms import axis_of
-from cgroup.types import FloatArray, PointCloud, RealArray
+from cgroup.types import PointCloud
 
 _COLUMNS = (
     Column("model", is_text=True),
@@ -40,7 +46,6 @@ app = make_app()
 
 
 def _print_models(document: Document, *, wide: bool) -> None:
-    """Print the detected models from the document."""
     results = document["results"]
     print_clouds(document["inputs"][:1])
     rows: list[tuple[str, ...]] = []
@@ -63,7 +68,6 @@ def _print_models(document: Document, *, wide: bool) -> None:
 
 
 def _describe_place(one: Document) -> str:
-    """Describe the middle and the rotation of a model in the scene."""
     pose, middle = np.array(one["T_target_source"]), ", ".join(show_length(value) for value in one["middle"])
     turn = f"{rotation_error(pose, np.eye(4)):.3g} degrees about the axis {say_direction(axis_of(pose))}"
     return f"middle at ({middle}), rotated by {turn}"
@@ -158,25 +162,19 @@ def _outputs_of(folder: Path, model: Path, scene: Path) -> Results:
 
 
 def _describe(model: str, found: Registration, file: str, cloud: PointCloud) -> Document:
-    """Return the description of a copy for a document."""
+    middle = (in_double(cloud.points.min(axis=0)) + in_double(cloud.points.max(axis=0))) / 2  # of the box
     return {
         "model": model,
         "file": file,
         "T_target_source": found.T_target_source,
-        "middle": apply(found.T_target_source, _middle(cloud.points)[None])[0],
+        "middle": apply(found.T_target_source, middle[None])[0],
         "probability": found.probability,
         "fitness": found.fitness,
         "inlier_rmse": found.inlier_rmse,
     }
 
 
-def _middle(points: RealArray) -> FloatArray:
-    """Return the middle of the box around points, (3,)."""
-    return (in_double(points.min(axis=0)) + in_double(points.max(axis=0))) / 2
-
-
 def _stem(model: Path, scene: Path, copy: int) -> str:
-    """Return the stem of a copy's files."""
     return name_of_pair(model, scene, "in") + (f"-{copy}" if copy > 1 else "")
 
 

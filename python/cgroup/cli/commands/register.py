@@ -10,29 +10,26 @@ import typer
 from cgroup import io
 from cgroup._checks.quoting import escape
 from cgroup.cli import options
-from cgroup.cli.command import RefusedPoseError, command, identify_run, make_app
-from cgroup.cli.inputs import describe_pair, read_both
+from cgroup.cli.command import command, identify_run, make_app
+from cgroup.cli.documents import Document
+from cgroup.cli.errors import RefusedPoseError, is_given, reword
+from cgroup.cli.files import PairFiles, describe_pair, print_pair_files, read_both
 from cgroup.cli.options import argument, choice, flag, option
-from cgroup.cli.pair_files import PairFiles, print_pair_files
-from cgroup.cli.show.json import Document
-from cgroup.cli.show.registration import describe_truth, placement_facts, registration_results
-from cgroup.cli.show.terminal import print_clouds, print_facts, print_pose, show_stages
-from cgroup.cli.streams import write_error
-from cgroup.cli.wording import is_given, reword
+from cgroup.cli.process import write_error
+from cgroup.cli.registration_facts import describe_truth, placement_facts, registration_results
+from cgroup.cli.terminal import print_clouds, print_facts, print_pose, show_stages
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.group import check_method
 from cgroup.registration import DenseFront, PaperFront, assess, register
 
 Front = Literal["dense", "paper"]
 
+# Options of both commands.
 _PAIR = ("voxel", "viewpoint", "source_viewpoint", "target_viewpoint", "view_direction", "axis", "effort")
-"""Options of both commands."""
-
 app = make_app()
 
 
 def _print_registration(document: Document, *, verbose: bool) -> None:
-    """Print a registration from its document."""
     done, files = document["results"], [Path(file) for file in document["files"]]
     print_clouds(document["inputs"])
     print_facts(*placement_facts(done, document["inputs"][0]["centroid"]))
@@ -44,8 +41,7 @@ def _print_registration(document: Document, *, verbose: bool) -> None:
             ("time", ", ".join(times)),
         )
     print_pose(done["T_target_source"], document["inputs"][0])
-    if files:
-        print_pair_files(files)
+    print_pair_files(files)
 
 
 @command(

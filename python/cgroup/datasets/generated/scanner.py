@@ -14,9 +14,7 @@ from numpy.typing import NDArray
 from cgroup.rigid import apply
 from cgroup.types import BoolArray, FloatArray, IndexArray
 
-MAX_INCIDENCE = 75.0
-"""Degrees between line of sight and normal beyond which nothing returns."""
-
+MAX_INCIDENCE = 75.0  # degrees between line of sight and normal beyond which nothing returns
 _STEEPEST = 4.0  # pixels that two neighbours on one surface may be apart; about 1 / cos(MAX_INCIDENCE)
 
 
@@ -86,10 +84,9 @@ class RangeImage:
 def range_image(mesh: Mesh, *, step: float, offset: FloatArray, two_sided: bool = False) -> RangeImage:
     """Look at a mesh that is given in the scanner's frame, all of it before the scanner.
 
-    Pixels are a step apart on the plane z = -1, about the angle between two rays in radians; the image begins
-    an offset (2,) of pixels before the mesh. Each shows the nearest surface, and nothing where that is seen
-    at more than `MAX_INCIDENCE`. A mesh that is open or not wound alike is to be seen as two-sided; otherwise
-    the corners of triangles run counter-clockwise as seen from outside.
+    Pixels are a step apart on the plane z = -1; the image begins an offset (2,) of pixels before the mesh. A
+    mesh that is open or not wound alike has to be two-sided; otherwise the corners of triangles run
+    counter-clockwise as seen from outside.
     """
     screen = mesh.vertices[:, :2] / -mesh.vertices[:, 2:]
     corner = screen.min(axis=0) - step * offset

@@ -1,8 +1,4 @@
-"""Generated shapes and their placement.
-
-A stone is a ball cut by planes, with bumps and dents at two scales, all placed at random: rich in local
-detail and without symmetry.
-"""
+"""Stones: balls cut by planes, with bumps and dents at two scales, all placed at random."""
 
 from __future__ import annotations
 
@@ -14,9 +10,7 @@ from cgroup.datasets.voxels import voxel_means
 from cgroup.rigid.transforms import turn
 from cgroup.types import FloatArray, IndexArray
 
-RADIUS = 50.0
-"""Mean radius of the shape, in mm."""
-
+RADIUS = 50.0  # mean radius of the shape, in mm
 _AXES = (1.0, 0.85, 0.7)  # of the ellipsoid that the details sit on, in radii
 
 _FACETS, _CUT = 150, 0.15  # planes that cut the ball, and the depth of the deepest cut in radii

@@ -98,7 +98,6 @@ def make_world_pair(rng: np.random.Generator, kind: str) -> MatchingPair:
 def _scan(
     rng: np.random.Generator, world: World, pose: FloatArray, sensor: Sensor, noise: float
 ) -> FloatArray:
-    """Points in the scanner's frame."""
     ranges = world.cast(pose[:3, 3], sensor.directions @ pose[:3, :3].T)
     seen = ranges < sensor.reach
     return sensor.directions[seen] * (ranges[seen] + noise * rng.standard_normal(seen.sum()))[:, None]
@@ -291,19 +290,14 @@ def _room(rng: np.random.Generator) -> _Made:
 
 
 def _twin(rng: np.random.Generator) -> _Made:
-    """Make a room that is symmetric under half a turn."""
     a, b = rng.uniform(4, 9, 2)
     half = _furniture(rng, a, b, int(rng.integers(3, 8)))
     turned = [[-x, -y, z, *size, yaw] for x, y, z, *size, yaw in half]
-    return (
-        _world(_walls(a, b, 2.6) + half + turned),
-        5.0,
-        Stand((-a / 4, -b / 4, 0.7), (a / 4, b / 4, 1.2), 2.5),
-    )
+    stand = Stand((-a / 4, -b / 4, 0.7), (a / 4, b / 4, 1.2), 2.5)
+    return _world(_walls(a, b, 2.6) + half + turned), 5.0, stand
 
 
 def _hall(rng: np.random.Generator) -> _Made:
-    """Make a large bare room with pillars and crates."""
     a, b = rng.uniform(12, 30, 2)
     crates = [
         _box(*(rng.uniform(-0.5, 0.5, 2) * [a, b]), 0, *rng.uniform(0.5, 3, 3), rng.uniform(0, np.pi))
@@ -313,15 +307,11 @@ def _hall(rng: np.random.Generator) -> _Made:
         [*(rng.uniform(-0.5, 0.5, 2) * [a, b]), 0, 6, rng.uniform(0.15, 0.5)]
         for _ in range(rng.integers(2, 8))
     ]
-    return (
-        _world(_walls(a, b, 6) + crates, pillars),
-        15.0,
-        Stand((-a / 4, -b / 4, 1.2), (a / 4, b / 4, 1.8), 8),
-    )
+    stand = Stand((-a / 4, -b / 4, 1.2), (a / 4, b / 4, 1.8), 8)
+    return _world(_walls(a, b, 6) + crates, pillars), 15.0, stand
 
 
 def _city(rng: np.random.Generator) -> _Made:
-    """Put look-alike boxes at right angles."""
     cell, boxes = rng.uniform(14, 24), [_box(0, 0, -0.2, 400, 400, 0.2)]
     sizes = [
         (*(rng.uniform(0.3, 0.7, 2) * cell), height) for height in rng.choice([4, 8, 16], rng.integers(1, 4))

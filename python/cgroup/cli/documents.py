@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from cgroup import __version__
-from cgroup.cli.show.terminal import print_text
+from cgroup.cli.terminal import print_text
 
 SCHEMA_VERSION = 1
 
@@ -60,7 +60,6 @@ def _in_unicode(value: Any) -> Any:
 
 
 def _plain(value: Any) -> Any:
-    """Return a value of a JSON type."""
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     if isinstance(value, float) and not math.isfinite(value):

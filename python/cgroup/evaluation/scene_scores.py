@@ -16,11 +16,8 @@ from cgroup.errors import InputError
 from cgroup.rigid.transforms import angles
 from cgroup.types import FloatArray, IndexArray
 
-ROTATION_LIMITS = (3.0, 5.0, 10.0, 30.0, 45.0)
-"""Rotation limits of ScanNet's protocol, in degrees."""
-
-TRANSLATION_LIMITS = (0.05, 0.1, 0.25, 0.5, 0.75)
-"""Translation limits of ScanNet's protocol, in m."""
+ROTATION_LIMITS = (3.0, 5.0, 10.0, 30.0, 45.0)  # rotation limits of ScanNet's protocol, in degrees
+TRANSLATION_LIMITS = (0.05, 0.1, 0.25, 0.5, 0.75)  # translation limits of ScanNet's protocol, in m
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,16 +84,6 @@ def score_scene(
     -------
     SceneScore
         In the order of the upper triangle.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cgroup.evaluation import score_scene
-    >>> truth = np.tile(np.eye(4), (2, 1, 1))
-    >>> poses = truth.copy()
-    >>> poses[1, 0, 3] = 0.5
-    >>> score_scene(poses, [[0, 1]], truth, ["here", "here"]).translation
-    array([0.5])
     """
     estimated, true = as_floats("poses", poses), as_floats("truth", truth)
     count = len(true) if true.ndim else 0
@@ -162,13 +149,6 @@ def ecdf(errors: ArrayLike, limits: ArrayLike) -> FloatArray:
     -------
     (L,) array of float64
         One share per limit; NaN without errors.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cgroup.evaluation import ecdf
-    >>> ecdf(np.array([1.0, 4.0, np.inf, 2.0]), [1.0, 3.0, 5.0])
-    array([0.25, 0.5 , 0.75])
     """
     values, bounds = as_floats("errors", errors).ravel(), as_floats("limits", limits).ravel()
     if not len(values):
@@ -179,7 +159,6 @@ def ecdf(errors: ArrayLike, limits: ArrayLike) -> FloatArray:
 def _compare(
     estimated: FloatArray, true: FloatArray, source: IndexArray, target: IndexArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return angles in degrees and distances between relative poses."""
     relative, right = (np.linalg.solve(each[target], each[source]) for each in (estimated, true))
     turns = relative[:, :3, :3].transpose(0, 2, 1) @ right[:, :3, :3]
     return angles(turns), np.linalg.norm(relative[:, :3, 3] - right[:, :3, 3], axis=1)

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cgroup.cli.show.json import Document
-from cgroup.cli.show.tables import show_length
+from cgroup.cli.documents import Document
+from cgroup.cli.terminal import show_length
 from cgroup.evaluation import PROTOCOLS, alignment_error, rotation_error, translation_error
 from cgroup.evaluation.ground_truth import OVERLAP_WITHIN
 from cgroup.registration import Registration
@@ -19,11 +19,8 @@ from cgroup.types import FloatArray, PointCloud
 
 Clouds = tuple[PointCloud, PointCloud]
 
-_RIGHT = PROTOCOLS["5deg+5pr"]
-"""Limits of a right pose."""
-
-_LEAST_TURN = 0.005
-"""Degrees below which a rotation is not printed."""
+_RIGHT = PROTOCOLS["5deg+5pr"]  # limits of a right pose
+_LEAST_TURN = 0.005  # degrees below which a rotation is not printed
 
 
 def registration_results(
@@ -62,7 +59,6 @@ def registration_results(
 
 
 def _judge(done: Registration, clouds: Clouds, true_pose: FloatArray) -> Document:
-    """Measure the errors of a pose, and judge it by `_RIGHT`."""
     pose, pr = done.T_target_source, done.resolution
 
     def measure(truth: FloatArray) -> tuple[float, float, float, bool | None]:

@@ -1,34 +1,33 @@
-"""Range views of the Stanford 3D Scanning Repository, with Stanford's own alignment.
+"""Range views of single objects: those of Stanford's repository, and UWA 3D Modeling's.
 
-Partial views against partial views: they take the place of UWA 3D Modeling, whose poses aren't published.
+Stanford's take the place of UWA 3D Modeling's, whose poses are not published.
 """
 
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from cgroup.datasets.base import MatchingPair, measure_overlap
+from cgroup.datasets.base import MatchingPair, fitting_pose, measure_overlap, view_pair
 from cgroup.datasets.cache import cached
-from cgroup.datasets.file_datasets import FileDataset
-from cgroup.datasets.pose_lists import manifest_pairs
+from cgroup.datasets.file_datasets import FileDataset, manifest_pairs
 from cgroup.errors import InputError
 from cgroup.features import Viewpoint
 from cgroup.io import read_cloud
 from cgroup.io.files import load_text
-from cgroup.rigid import invert
+from cgroup.rigid import check_rigid, invert
 from cgroup.rigid.transforms import turn
 from cgroup.types import FloatArray
 
-MIN_OVERLAP = 0.1
-"""Pairs of views that share less than this are left out."""
+MIN_OVERLAP = 0.1  # pairs of Stanford's views that share less than this are left out
 
+# M. Cyberware's scanners look along -z at a scan's own frame, here from far away.
 SCANNER: Viewpoint = (0.0, 0.0, 10.0)
-"""Cyberware's scanners look along -z at a scan's own frame, here from far away; in m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,18 +36,17 @@ class _View:
     T_world_view: FloatArray
 
 
-class _Entry(NamedTuple):
+class _ViewNames(NamedTuple):
     home: str
     source: str
     target: str
 
 
-class StanfordViews(FileDataset[_Entry]):
+class StanfordViews(FileDataset[_ViewNames]):
     """Pairs ``object/source-target`` of range views with an overlap of at least `MIN_OVERLAP`; unit m.
 
-    The folder ``stanford_views`` holds one folder per object, each with the views and their ``.conf``, as in
-    Stanford's archives. Pairs are taken from the root's manifest where it lists them; else they are found by
-    looking at all views, which takes a minute the first time.
+    Pairs are taken from the root's manifest where it lists them; else all views are compared, which takes a
+    minute the first time.
     """
 
     name, title = "stanford", "Stanford views"
@@ -79,11 +77,11 @@ class StanfordViews(FileDataset[_Entry]):
         """Read two views and compute their overlap."""
         entry = self._entry(name)
         first, second = (self._objects[entry.home][stem] for stem in (entry.source, entry.target))
-        source, target, pose = read_cloud(first.path), read_cloud(second.path), _between(first, second)
-        shared = measure_overlap(source, target, pose)
-        return MatchingPair(name, source, target, pose, SCANNER, SCANNER, facts={"overlap": shared})
+        return view_pair(
+            name, read_cloud(first.path), read_cloud(second.path), _between(first, second), SCANNER
+        )
 
-    def _list_pairs(self) -> dict[str, _Entry]:
+    def _list_pairs(self) -> dict[str, _ViewNames]:
         self._objects: dict[str, dict[str, _View]] = {}
         self._absent: list[str] = []
         for configuration in sorted(self._folder.rglob("*.conf")):
@@ -95,26 +93,26 @@ class StanfordViews(FileDataset[_Entry]):
         if not any(len(views) > 1 for views in self._objects.values()):
             raise self._missing(self._folder / (self._absent[0] if self._absent else "bunny/bun.conf"))
         pairs = manifest_pairs(self._folder.parent, self.folder)
-        entries = [_Entry(pair["set"], _stem(pair["src"]), _stem(pair["tgt"])) for pair in pairs]
+        entries = [_ViewNames(pair["set"], _stem(pair["src"]), _stem(pair["tgt"])) for pair in pairs]
         self._are_listed = bool(entries)
         return {_name_of(entry): entry for entry in entries}
 
-    def _find_lacking(self, entry: _Entry) -> Path | None:
+    def _find_lacking(self, entry: _ViewNames) -> Path | None:
         views = self._objects.get(entry.home, {})
         lacking = [stem for stem in (entry.source, entry.target) if stem not in views]
         return self._folder / entry.home / f"{lacking[0]}.ply" if lacking else None
 
-    def _overlapping(self) -> list[_Entry]:
-        found: list[_Entry] = []
+    def _overlapping(self) -> list[_ViewNames]:
+        found: list[_ViewNames] = []
         for home, views in self._objects.items():
             key = ["overlap", *(part for view in views.values() for part in _fingerprint(view))]
             shares = cached("stanford", key, lambda each=views: {"overlap": _all_overlaps(each)})["overlap"]
             pairs = zip(itertools.combinations(views, 2), shares, strict=True)
-            found += [_Entry(home, *pair) for pair, share in pairs if share >= MIN_OVERLAP]
+            found += [_ViewNames(home, *pair) for pair, share in pairs if share >= MIN_OVERLAP]
         return found
 
 
-def _name_of(entry: _Entry) -> str:
+def _name_of(entry: _ViewNames) -> str:
     return f"{entry.home}/{entry.source}-{entry.target}"
 
 
@@ -163,3 +161,60 @@ def _fingerprint(view: _View) -> tuple[str, str, bytes]:
 
 def _stem(file: str) -> str:
     return file.rsplit(".", 1)[0]
+
+
+LIST_FILE = "pairs.txt"
+"""In each model's folder: one line per pair, file of the source, file of the target, and 16 numbers, a 4x4
+transform row by row that maps source points into the target's frame."""
+
+
+class _PosedFiles(NamedTuple):
+    source: Path
+    target: Path
+    pose: FloatArray
+
+
+class U3M(FileDataset[_PosedFiles]):
+    """Pairs ``model/source-target`` of views listed with a pose; unit mm, scanner at the origin of each view.
+
+    The owners publish the views, one folder per model, but no poses: whoever has some puts them in a
+    `LIST_FILE` beside the views.
+    """
+
+    name, title = "u3m", "U3M"
+    role, origin = "partial-partial", "real"
+    citation = "Mian, Bennamoun, Owens: A novel representation and feature matching, IJCV 2006"
+    folder, example = "u3m", f"<model>/{LIST_FILE}"
+    url = "http://www.csse.uwa.edu.au/~ajmal/3Dmodeling.html (views; the poses aren't published)"
+
+    def load(self, name: str) -> MatchingPair:
+        """Read two views and compute their overlap."""
+        entry = self._entry(name)
+        source, target = read_cloud(entry.source), read_cloud(entry.target)
+        return view_pair(name, source, target, fitting_pose(entry.pose, source, target, origin=name))
+
+    def _list_pairs(self) -> dict[str, _PosedFiles]:
+        pairs: dict[str, _PosedFiles] = {}
+        for path in sorted(self._folder.rglob(LIST_FILE)):
+            home = path.parent.relative_to(self._folder).as_posix()
+            for entry in _read_list(path):
+                pairs[f"{home}/{entry.source.stem}-{entry.target.stem}"] = entry
+        return pairs
+
+
+def _read_list(path: Path) -> Iterator[_PosedFiles]:
+    for number, line in enumerate(load_text(path).splitlines(), start=1):
+        words = line.split()
+        if not words:
+            continue
+        where = f"{path}, line {number}"
+        try:
+            pose = np.array([float(word) for word in words[2:]])
+        except ValueError as error:
+            message = f"{where}: {error}; give two file names and 16 numbers"
+            raise InputError(message) from error
+        if len(words) != 18:
+            message = f"{where}: has {len(words)} words; give two file names and 16 numbers"
+            raise InputError(message)
+        source, target = (path.parent / word for word in words[:2])
+        yield _PosedFiles(source, target, check_rigid(pose.reshape(4, 4), where))

@@ -1,13 +1,19 @@
-"""Guard standard output and error, which may be closed, full, or unable to encode a character."""
+"""The process: standard output and error, which may be closed or full, and signals that ask it to end."""
 
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
 from io import TextIOWrapper
+from types import FrameType
 from typing import Any, TextIO, cast
+
+from cgroup._runtime.interrupts import once_loaded
+
+_ENDING = ("SIGINT", "SIGTERM", "SIGHUP")  # Windows lacks the last
 
 
 class OutputError(Exception):
@@ -75,8 +81,45 @@ def _open_streams() -> TextIO:
 
 
 def _drop(stream: TextIO) -> None:
-    """Discard pending output, so that the interpreter ends without an error."""
     with suppress(OSError, ValueError, AttributeError):
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, stream.fileno())
         os.close(nowhere)
+
+
+class StoppedError(KeyboardInterrupt):
+    """A signal asked the process to end; the exit status contains its number."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(number)
+        self.status = 128 + number
+
+
+@contextmanager
+def stop_on_signals() -> Generator[None, None, None]:
+    """Raise `StoppedError` at the first signal that asks the process to end; end at once at the second.
+
+    Ignored signals stay ignored, as those of a background process. Afterwards the process is expected to end.
+    """
+    stopped = False
+
+    def stop(number: int, _frame: FrameType | None) -> None:
+        nonlocal stopped
+        if stopped:
+            with suppress(OSError):
+                os.write(2, b"cgroup: interrupted\n")
+            os._exit(128 + number)
+        stopped = True
+        raise StoppedError(number)
+
+    numbers = [getattr(signal, name) for name in _ENDING if hasattr(signal, name)]
+    before = {number: signal.getsignal(number) for number in numbers}
+    for number, handler in before.items():
+        if handler not in (signal.SIG_IGN, None):
+            signal.signal(number, once_loaded(stop))
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            if handler is not None:  # a stopped process only has its message left to print
+                signal.signal(number, signal.SIG_IGN if stopped else handler)

@@ -1,23 +1,27 @@
-"""Files of a pair of clouds: named after both, so that several pairs can share a folder."""
+"""Clouds that commands read, and files of a pair of clouds, named after both to share a folder."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from cgroup import io
 from cgroup._checks.quoting import escape
-from cgroup.cli.show.registration import Clouds
-from cgroup.cli.show.terminal import print_facts, print_line, shown_name, write_figure
+from cgroup.cli.registration_facts import Clouds
+from cgroup.cli.terminal import print_line, show_stages, shown_name, write_figure
 from cgroup.errors import InputError
+from cgroup.io.attributes import unkept_attributes
 from cgroup.io.files import check_outputs, number_lines
 from cgroup.io.result_folders import Results
 from cgroup.registration import Registration
-from cgroup.types import FloatArray
+from cgroup.types import FloatArray, PointCloud, RealArray
 
-_LONGEST = 100
-"""Bytes of a cloud's name in that of a file; file systems allow some 255 in all."""
+_LONGEST = 100  # bytes of a cloud's name in that of a file; file systems allow some 255 in all
 
 _POSE, _ALIGNED, _MATCHES, _MERGED, _PAGE = ".txt", "_aligned.ply", ".npz", "_merged.ply", ".html"
 _FILES = {
@@ -30,11 +34,40 @@ _FILES = {
 }
 """Contents of the files, by the end of the name."""
 
-_MORE = {
-    _PAGE: "--html writes an interactive page",
-    _MERGED: "--merged writes both clouds as one",
-}
-"""Options that write more."""
+
+def read_cloud(file: Path, begin: Callable[[str], object]) -> PointCloud:
+    """Read a cloud, and show that stage."""
+    begin(f"reading {file.name}")
+    return io.read_cloud(file)
+
+
+def read_both(source: Path, target: Path) -> tuple[PointCloud, PointCloud]:
+    """Read two clouds."""
+    with show_stages() as begin:
+        return read_cloud(source, begin), read_cloud(target, begin)
+
+
+def describe_cloud(role: str, file: Path, cloud: PointCloud) -> dict[str, Any]:
+    """Return the description of a cloud for a document."""
+    return {
+        "role": role,
+        "file": file,
+        "points": len(cloud),
+        "dropped": cloud.dropped,
+        "centroid": cloud.points.mean(axis=0),
+        "extent": extent_of(cloud.points),
+        "not_kept": unkept_attributes(file),
+    }
+
+
+def extent_of(points: RealArray) -> float:
+    """Return the diagonal of the box around points."""
+    return float(np.linalg.norm(np.ptp(points.astype(np.float64, copy=False), axis=0)))
+
+
+def describe_pair(files: tuple[Path, Path], clouds: tuple[PointCloud, PointCloud]) -> list[dict[str, Any]]:
+    """Return the descriptions of source and target for a document."""
+    return [describe_cloud(*one) for one in zip(("source", "target"), files, clouds, strict=True)]
 
 
 def name_of_pair(source: Path, target: Path, how: str = "on") -> str:
@@ -62,16 +95,24 @@ def refuse_others(files: Iterable[Path], frames: str) -> None:
             raise InputError(message)
 
 
-def print_pair_files(files: Sequence[Path]) -> None:
-    """Print which files were written, their contents, and options that write more."""
-    width = max(len(escape(file.name)) for file in files)
-    print_line(f"wrote to {files[0].parent}/")
-    for file in files:
-        content = next(content for ending, content in _FILES.items() if file.name.endswith(ending))
+def unique_names(files: Sequence[Path], names: Sequence[str]) -> list[str]:
+    """Return the names of files; the whole path of a file whose name is empty or that of another."""
+    count = Counter(names)
+    return [name if name and count[name] == 1 else str(file) for name, file in zip(names, files, strict=True)]
+
+
+def print_contents(contents: Mapping[Path, str]) -> None:
+    """Print the written files, all in one folder, and their contents."""
+    width = max((len(escape(file.name)) for file in contents), default=0)
+    for file in [*contents][:1]:
+        print_line(f"wrote to {file.parent}/")
+    for file, content in contents.items():
         print_line(f"  {escape(file.name):<{width}}  {content}")
-    more = [how for ending, how in _MORE.items() if not any(file.name.endswith(ending) for file in files)]
-    if more:
-        print_facts(("next", ", ".join(more)))
+
+
+def print_pair_files(files: Iterable[Path]) -> None:
+    """Print which files of a pair were written, and their contents."""
+    print_contents({file: next(_FILES[end] for end in _FILES if file.name.endswith(end)) for file in files})
 
 
 class PairFiles:

@@ -1,1 +1,0 @@
-"""Show results: tables, text, JSON, pages and pictures."""
