@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cgroup import _core
-from cgroup.benchmark.machine import this_machine
+from cgroup.benchmark.results import this_machine
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence

@@ -125,19 +125,19 @@ GROUPS: dict[str, dict[str, str]] = {
         "Reading": "read_config parse_config",
         "What a configuration holds": "Config",
     },
-    "cgroup.benchmark.run": {"Running": "run Summary"},
+    "cgroup.benchmark.run": {"Running": "run"},
     "cgroup.benchmark.tables": {
         "Results": "load load_groups",
         "Means": "aggregate exponents",
     },
     "cgroup.benchmark.report": {"Report": "write_report"},
-    "cgroup.benchmark.stats": {"Ranking": "rank_methods Rank"},
+    "cgroup.benchmark.stats": {"Ranking": "rank_methods"},
     "cgroup.benchmark.pipelines": {
         "Ways to register two clouds": "PIPELINES Clouds Answer",
         "Ways to register many scans": "SCENE_SOLVERS Scans SceneAnswer",
     },
     "cgroup.benchmark.paper.claims": {
-        "The paper's claims": "check_claims CLAIMS Claim Verdict Outcome OUTCOMES CRITERIA",
+        "The paper's claims": "check_claims CLAIMS Outcome OUTCOMES CRITERIA",
     },
 }
 

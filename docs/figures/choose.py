@@ -29,7 +29,7 @@ import pandas as pd
 
 from cgroup.benchmark.config import read_config
 from cgroup.benchmark.report.cells import method_cell
-from cgroup.benchmark.report.registration import answer_table, calibration_table, trust_table
+from cgroup.benchmark.report.pipelines import answer_table, calibration_table, trust_table
 from cgroup.benchmark.report.trials import overview_table, with_fewest_threads
 from cgroup.benchmark.run import run
 from cgroup.benchmark.tables import load

@@ -1,18 +1,16 @@
 """A small data set, nuisance and methods from outside the package; each call leaves a line in FAKES_LOG."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
 import threading
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cgroup import Correspondences, Grouping, group
+from cgroup._runtime.progress import StageClock
 from cgroup.benchmark import pipelines
 from cgroup.benchmark.pipelines import Answer, SceneAnswer
 from cgroup.datasets import CorrespondencePair, Dataset, MatchingPair
@@ -20,23 +18,12 @@ from cgroup.datasets.generated.shapes import stone
 from cgroup.errors import InputError
 from cgroup.io import PointCloud
 
-if TYPE_CHECKING:
-    from cgroup._runtime.progress import StageClock
-
 
 def log(line: str) -> None:
     """Append to a file, which several processes may do at a time."""
     if path := os.environ.get("FAKES_LOG"):
         with Path(path).open("a", encoding="utf-8") as file:
             file.write(line + "\n")
-
-
-def hold(word: str) -> None:
-    """Never return, where FAKES_HOLD is this word, once five other calls have left it in the log."""
-    if os.environ.get("FAKES_HOLD") == word:
-        calls = Path(os.environ["FAKES_LOG"]).read_text(encoding="utf-8").splitlines()
-        if sum(line.startswith(word) for line in calls) > 5:
-            threading.Event().wait()
 
 
 class _Fake(Dataset):
@@ -99,7 +86,6 @@ class Matches(_Fake):
 
     def load(self, name: str) -> CorrespondencePair:
         log(f"load {name}")
-        hold("load")
         rng = np.random.default_rng(int(name[1:]))
         source = rng.uniform(0, 100, size=(60, 3))
         target = rng.uniform(0, 100, size=(60, 3))
@@ -165,7 +151,6 @@ def parent(correspondences: Correspondences) -> np.ndarray:
 def first(correspondences: Correspondences, *, count: int = 20) -> np.ndarray:
     """Select the first; a method that returns a mask."""
     log(f"first {count}")
-    hold("first")
     return np.arange(len(correspondences)) < count
 
 
@@ -222,9 +207,6 @@ def several(correspondences: Correspondences) -> Grouping:
     )
 
 
-# --- pipelines ------------------------------------------------------------------------------------
-
-
 def _shift(length: float) -> np.ndarray:
     """Pose of `Clouds`, (1, 2, 3) away, and so much more along x."""
     pose = np.eye(4)
@@ -266,7 +248,6 @@ def stuck(_clouds: pipelines.Clouds, _clock: StageClock) -> Answer:
 def placing(scans: pipelines.Scans, _clock: StageClock, *, joined: int | None = None) -> SceneAnswer:
     """Put all scans into components of so many, of all by default, as they are."""
     log("place")
-    hold("place")
     rows = list(range(len(scans.points)))
     step = joined or len(rows)
     parts = [rows[start : start + step] for start in rows[::step]]

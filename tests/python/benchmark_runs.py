@@ -1,25 +1,20 @@
 """Small configurations, and what running them leaves behind."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sqlite3
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from cgroup.benchmark.config import parse_config
 from cgroup.benchmark.run import Summary, run
 from cgroup.benchmark.store import RECORDS
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 HERE = Path(__file__).parent
 

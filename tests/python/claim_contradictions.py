@@ -5,8 +5,6 @@ Ranks are missed by one, where that is possible. Where a claim has bounds on bot
 contradiction for each. The form of no claim keeps a comparison from failing: all of them can fail at once.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from record_changes import Change, above, add, below, but, put, put_behind, put_faster, put_slower, reorder

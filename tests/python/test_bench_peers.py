@@ -2,10 +2,8 @@
 
 import json
 import shutil
-import subprocess
 import sys
 from pathlib import Path
-from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -19,17 +17,15 @@ pytest.importorskip("scipy")
 
 from typer.testing import CliRunner  # noqa: E402
 
-from peers import cgroup_peers, environment, measure, numpy_peers, plan, run  # noqa: E402
+from peers import cgroup_peers, measure, numpy_peers, plan, run  # noqa: E402
 from peers import report as reporting  # noqa: E402
 from peers.answers import judge, pack, rigid, selected_by, unpack, within  # noqa: E402
 from peers.cases import ensure_case, load_case, make_case, write_case  # noqa: E402
 from peers.catalogue import PEERS, selected  # noqa: E402
-from peers.environment import Environment, MissingError, child_environment, describe, prepare  # noqa: E402
-from peers.figures import PANELS, panel_looks, scaling_figure  # noqa: E402
-from peers.plan import Settings, cases, hopeless, is_settled  # noqa: E402
-from peers.records import Journal, Run, summaries, summary  # noqa: E402
+from peers.environment import Environment, child_environment, describe  # noqa: E402
+from peers.plan import Settings, hopeless, is_settled  # noqa: E402
+from peers.records import Journal, Run, summaries  # noqa: E402
 from peers.report import report  # noqa: E402
-from peers.scaling import Curve, common_share, curves  # noqa: E402
 
 N, SHARE = 300, 0.2
 TIMED = {"times_s": [0.5], "base_mib": 30.0, "peak_mib": 34.0, "others": 0.1}
@@ -49,9 +45,6 @@ def case(case_path):
 
 def local_environment(missing=None):
     return Environment({"cgroup": (sys.executable,), "numpy": (sys.executable,)}, {}, missing or {})
-
-
-# ---- cases
 
 
 def test_a_case_is_the_same_twice_and_another_with_other_arguments(case, tmp_path, case_path):
@@ -76,15 +69,6 @@ def test_the_truth_holds(case):
         products = np.einsum("nai,nbi->nab", case[key], case[key])
         np.testing.assert_allclose(products, np.broadcast_to(np.eye(3), products.shape), atol=1e-5)
         np.testing.assert_allclose(np.linalg.det(case[key]), 1, atol=1e-5)
-
-
-def test_no_case_in_another_file(tmp_path):
-    (tmp_path / "x.bin").write_bytes(b"NOPE" + bytes(8))
-    with pytest.raises(ValueError, match="not a case"):
-        load_case(tmp_path / "x.bin")
-
-
-# ---- peers
 
 
 def test_every_method_of_ours_is_a_peer():
@@ -135,30 +119,6 @@ def test_a_long_call_is_made_once_and_others_at_least_thrice(monkeypatch, bound,
     assert len(times) == calls
 
 
-# ---- plan
-
-
-def test_all_shares_at_one_size_only():
-    all_shares = [(5000, share) for share in (0.5, 0.1, 0.03, 0.01)]
-    assert list(cases(Settings(sizes=(5000, 500)))) == [(500, 0.1), *all_shares]
-    assert list(cases(Settings(sizes=(500,), shares=(0.5, 0.1)))) == [(500, 0.5), (500, 0.1)]
-
-
-def test_rounds_alternate_between_the_peers_of_a_case():
-    runs = list(plan.plan(Settings(sizes=(500,), rounds=2), selected(["cgroup_gc", "np_gc"])))
-    first, second = [[work for work in runs if work.round == number] for number in (0, 1)]
-    assert runs == first + second
-    assert [work._replace(round=1) for work in reversed(first)] == second
-    # A peer without threads runs once.
-    assert [(work.peer, work.threads) for work in first] == [("cgroup_gc", 1), ("cgroup_gc", 2), ("np_gc", 1)]
-
-
-def test_only_ours_run_where_peers_take_too_long():
-    runs = list(plan.plan(Settings(sizes=(5000, 50_000)), list(PEERS.values())))
-    assert {work.peer for work in runs if work.n == 50_000} == set(cgroup_peers.PEERS)
-    assert {work.share for work in runs if work.peer == "np_st_ratio_eigh"} == {0.1}
-
-
 def test_what_is_recorded_is_settled():
     work = Run("np_gc", 500, 0.1, 1, 0)
     later = work._replace(round=1)
@@ -185,9 +145,6 @@ def test_hopeless_runs_are_not_started():
     assert plan.extrapolated(middle, done) == 0
 
 
-# ---- records
-
-
 def test_a_journal_survives_being_cut_off(tmp_path):
     path = tmp_path / "results.jsonl"
     first, second = Run("np_gc", 500, 0.1, 1, 0), Run("np_gc", 500, 0.1, 1, 1)
@@ -198,24 +155,6 @@ def test_a_journal_survives_being_cut_off(tmp_path):
     assert list(journal.runs) == [first]
     journal.add(second, GOOD)
     assert list(Journal(path).runs) == [first, second]
-
-
-def test_medians_over_rounds():
-    figures = summary([GOOD | {"median_s": seconds} for seconds in (1.0, 2.0, 4.0)])
-    assert (figures.seconds, figures.mib, figures.rounds, figures.spread) == (2.0, 4.0, 3, 1.5)
-    assert summary([GOOD | {"peak_mib": None, "base_mib": None}]).mib is None
-    assert summary([{"failed": "time", "why": "took more than 120 s"}]).failed == "time"
-
-
-def test_exponents():
-    sizes = (500, 2000, 5000, 10_000)
-    squares = Curve("np_gc", 1, sizes, (1.0, *(n**2 / 1e6 for n in sizes[1:])))
-    assert squares.exponent() == pytest.approx(2)
-    assert np.isnan(squares.exponent(least=30))
-    assert np.isnan(Curve("np_gc", 1, sizes[:3], squares.values[:3]).exponent())
-
-
-# ---- processes
 
 
 def test_what_is_recorded_is_skipped(tmp_path, case_path, monkeypatch):
@@ -245,41 +184,6 @@ def test_how_a_process_ended_is_recorded():
     if sys.platform == "linux":
         hungry = ended("import time; x = bytearray(b'1') * (200 << 20); time.sleep(60)", mib=100)
         assert hungry["failed"] == "memory"
-
-
-def test_what_cannot_be_installed_is_missing(tmp_path, monkeypatch):
-    monkeypatch.setenv("PATH", str(tmp_path))
-    lines = []
-    found = prepare(selected(["pcl_*", "cgroup_gc"]), venv=tmp_path, build=tmp_path, say=lines.append)
-    assert found.why_missing(PEERS["pcl_gc"]) == "cmake is missing; apt-get install libpcl-dev cmake"
-    assert found.why_missing(PEERS["cgroup_gc"]) == ""
-    assert lines == ["PCL is left out: cmake is missing; apt-get install libpcl-dev cmake"]
-    monkeypatch.setattr(environment, "make_venv", lambda *_: Path(sys.executable))
-    monkeypatch.setattr(environment, "install", Mock(side_effect=MissingError("pip has none")))
-    found = prepare(selected(["kiss"]), venv=tmp_path, build=tmp_path, say=lines.append)
-    assert found.missing == {"kiss_matcher": "pip has none"}
-
-
-def test_libraries_are_measured_without_cgroup():
-    code = "import sys; sys.modules['cgroup'] = None; import peers.measure, peers.library_peers, peers.modern_peers"
-    done = subprocess.run(
-        [sys.executable, "-c", code], env=child_environment(1), capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-
-
-def test_pcl(case_path):
-    built = run.PCL_BUILD / "pcl_peers"
-    if not built.exists():
-        pytest.skip("PCL's peers are not built; make bench-peers builds them")
-    command = Environment({"pcl": (str(built),)}).command(PEERS["pcl_gc"], case_path, 1)
-    raw = run.run_process(command, child_environment(1), seconds=30, mib=4096)
-    record = run.assess(raw, PEERS["pcl_gc"], case_path)
-    assert record["f"] > 0.8
-    assert record["peak_mib"] >= record["base_mib"] > 0
-
-
-# ---- command line and report
 
 
 def test_command_line(tmp_path, monkeypatch):
@@ -327,37 +231,3 @@ def test_the_report_says_what_is_there_and_what_is_not(journal):
     assert "- NumPy GTM, n = 20,000, 10% inliers, 1 thread: not run: would take 16 GiB" in text
     assert "| NumPy GTM | - | - | too much memory | - | - |" in text
     assert "- Open3D FGR: not asked for, or not yet" in text
-
-
-def test_a_report_of_nothing(tmp_path):
-    text = report(Journal(tmp_path / "results.jsonl"), {})
-    assert "No session is recorded." in text
-    assert "Masks equal ours" not in text
-    figure = scaling_figure({}, {}, quantity="seconds", share=0.1)
-    assert all("nothing recorded" in axes.texts[0].get_text() for axes in figure.axes[:-1])
-
-
-def test_figures_show_ours_in_bold(journal):
-    works = summaries(journal)
-    dashed = {"cgroup_gc": curves(works, "seconds", 2)["cgroup_gc"]}
-    axes = scaling_figure(curves(works, "seconds", 1), dashed, quantity="seconds", share=0.1).axes[0]
-    widths = {line.get_label(): line.get_linewidth() for line in axes.get_lines()}
-    ours, peer = "cgroup GC  $n^{2.00}$", "NumPy GC, n x n  $n^{2.00}$"
-    assert widths[ours] > 2 * widths[peer]
-    assert len(widths) == 3
-    assert [text.get_text() for text in axes.get_legend().get_texts()] == [ours, peer]
-
-
-def test_every_peer_is_drawn_apart():
-    for methods in PANELS.values():
-        looks = panel_looks(methods)
-        assert len(set(looks.values())) == len(looks)
-
-
-def test_curves_of_peers_without_threads_stand_for_any_number(journal):
-    works = summaries(journal)
-    assert common_share(works) == 0.1
-    assert curves(works, "seconds", 2)["np_gc"].sizes == (500, 2000, 5000, 10_000)
-    assert curves(works, "seconds", 2)["cgroup_gc"].values[0] == pytest.approx(1.25e-4)
-    assert "np_gtm" not in curves(works, "seconds", 1)
-    assert report(journal, works).count("## n = 5,000, 10% inliers") == 1

@@ -1,29 +1,21 @@
 """The benchmark's runner: nothing lost, nothing done twice, the same records however it is run."""
 
-from __future__ import annotations
-
-import os
-import signal
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 
 import benchmark_fakes
+from benchmark_runs import CLOUDS, MATCHES, contents, serial
 from cgroup.benchmark import run as runner
 from cgroup.benchmark import solving, tables
 from cgroup.benchmark.config import parse_config
 from cgroup.benchmark.results import KILLED
 from cgroup.benchmark.run import run
-from cgroup.benchmark.store import only_writer
 from cgroup.errors import InputError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-from benchmark_runs import CLOUDS, MATCHES, contents, count, serial, start_benchmark, wait_until
 
 HERE = Path(__file__).parent
 
@@ -40,10 +32,7 @@ def lines(log: Path) -> list[str]:
     return log.read_text().splitlines()
 
 
-# --- nothing twice -----------------------------------------------------------------------------------
-
-
-def test_a_finished_run_computes_nothing_more(tmp_path: Path, log: Path) -> None:
+def test_a_finished_run_computes_nothing_more(tmp_path, log):
     text = CLOUDS.replace('"ss", "gc"', '"ss", "benchmark_fakes:first"')
     serial(text, tmp_path / "out")
     before = contents(tmp_path / "out")
@@ -58,7 +47,7 @@ def test_a_finished_run_computes_nothing_more(tmp_path: Path, log: Path) -> None
     assert contents(tmp_path / "out") == before
 
 
-def test_matches_are_stored_and_further_methods_and_thresholds_use_them(tmp_path: Path, log: Path) -> None:
+def test_matches_are_stored_and_further_methods_and_thresholds_use_them(tmp_path, log):
     text = CLOUDS.replace('"ss", "gc"', '"benchmark_fakes:first"')
     serial(text, tmp_path / "out")
     log.write_text("")
@@ -77,7 +66,7 @@ def test_matches_are_stored_and_further_methods_and_thresholds_use_them(tmp_path
     assert set(tables.load(tmp_path / "out")["level"]) == {0.1, 0.3}
 
 
-def test_experiments_share_cases(tmp_path: Path, log: Path) -> None:
+def test_experiments_share_cases(tmp_path, log):
     other = CLOUDS.partition("[[experiment]]")[2].replace('"noise"', '"again"', 1)
     serial(f"{CLOUDS}\n[[experiment]]{other}\nepsilons = [1, 5]", tmp_path / "out")
     assert len([line for line in lines(log) if line.startswith("noise")]) == 4
@@ -86,10 +75,7 @@ def test_experiments_share_cases(tmp_path: Path, log: Path) -> None:
     assert set(frame[frame["epsilon"] == 1]["experiments"]) == {("again",)}
 
 
-# --- failures ----------------------------------------------------------------------------------------
-
-
-def test_a_failed_pair_or_method_is_recorded_and_stops_nothing(tmp_path: Path) -> None:
+def test_a_failed_pair_or_method_is_recorded_and_stops_nothing(tmp_path):
     text = CLOUDS.replace('["a", "b"]', '["a", "broken"]').replace('"gc"', '"benchmark_fakes:failing"')
     summary = serial(text, tmp_path)
     assert summary.counts["experiment"] == (4, 4, 8)
@@ -105,7 +91,7 @@ def test_a_failed_pair_or_method_is_recorded_and_stops_nothing(tmp_path: Path) -
     assert tables.aggregate(frame, ["pair"])["pair"].tolist() == ["a"]
 
 
-def test_failures_are_tried_again_on_demand_only(tmp_path: Path, log: Path) -> None:
+def test_failures_are_tried_again_on_demand_only(tmp_path, log):
     text = CLOUDS.replace('["a", "b"]', '["a", "broken"]')
     serial(text, tmp_path / "out")
     log.write_text("")
@@ -116,7 +102,7 @@ def test_failures_are_tried_again_on_demand_only(tmp_path: Path, log: Path) -> N
     assert summary.failed == 4
 
 
-def test_a_method_that_kills_its_process_costs_only_itself(tmp_path: Path, log: Path) -> None:
+def test_a_method_that_kills_its_process_costs_only_itself(tmp_path, log):
     text = MATCHES.replace('"ransac", "gtm"', '"benchmark_fakes:first", "benchmark_fakes:deadly", "gtm"')
     summary = run(parse_config(text), tmp_path, workers=2)
     corners = {
@@ -132,9 +118,7 @@ def test_a_method_that_kills_its_process_costs_only_itself(tmp_path: Path, log: 
     assert "first 20" not in lines(log), "only what failed is tried again"
 
 
-def test_a_method_that_hangs_is_ended_and_costs_only_itself(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_method_that_hangs_is_ended_and_costs_only_itself(tmp_path, monkeypatch):
     text = MATCHES.replace('"ransac", "gtm"', '"gtm", "benchmark_fakes:endless"') + "pairs = 3\nlimit = 2"
     summary = run(parse_config(text), tmp_path, workers=1)
     assert summary.counts["experiment"] == (3, 3, 6)
@@ -150,15 +134,6 @@ def test_a_method_that_hangs_is_ended_and_costs_only_itself(
     assert run(parse_config(more), tmp_path, workers=1, retry_failed=True).failed == 0
 
 
-def test_two_runs_keep_out_of_each_others_way(tmp_path: Path) -> None:
-    with only_writer(tmp_path), pytest.raises(InputError, match="another run is using it"):
-        serial(MATCHES, tmp_path)
-    serial(MATCHES + "pairs = 1", tmp_path)
-
-
-# --- however it is run -------------------------------------------------------------------------------
-
-
 @pytest.fixture(scope="module")
 def expected(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[object, ...]]:
     out = tmp_path_factory.mktemp("serial")
@@ -167,61 +142,9 @@ def expected(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[object, ...
 
 
 @pytest.mark.parametrize(("backend", "workers"), [("processes", 2), ("threading", 3)])
-def test_records_do_not_depend_on_the_backend(
-    backend: str, workers: int, expected: list[tuple[object, ...]], tmp_path: Path
-) -> None:
+def test_records_do_not_depend_on_the_backend(backend, workers, expected, tmp_path):
     run(parse_config(MATCHES), tmp_path, backend=backend, workers=workers)
     assert contents(tmp_path) == expected
-
-
-@pytest.mark.skipif(os.name == "nt", reason="there is no kill -9")
-@pytest.mark.parametrize("table", ["matches", "results"])
-def test_killed_and_started_again_nothing_is_lost_or_done_twice(
-    table: str, tmp_path: Path, log: Path
-) -> None:
-    config = tmp_path / "tiny.toml"
-    config.write_text(MATCHES.replace('"ransac", "gtm"', '"ransac", "benchmark_fakes:first"'))
-    serial(config.read_text(), tmp_path / "whole")
-    log.write_text("")
-    # It stays in the midst of the stage, and so can't end before it is killed.
-    slow = start_benchmark(
-        "run",
-        config,
-        "--out",
-        tmp_path / "out",
-        "--workers",
-        2,
-        FAKES_HOLD="load" if table == "matches" else "first",
-    )
-    wait_until(lambda: count(tmp_path / "out", table) >= 3, f"no 3 rows in {table}")
-    os.killpg(slow.pid, signal.SIGKILL)
-    slow.communicate()
-    stored = {name: count(tmp_path / "out", name) for name in ("matches", "results")}
-    assert 3 <= stored[table] < (8 if table == "matches" else 16)
-    log.write_text("")
-    again = start_benchmark("run", config, "--out", tmp_path / "out", "--workers", 2)
-    out, err = again.communicate(timeout=60)
-    assert (again.returncode, err) == (0, "")
-    assert "groupings      16 of 16" in out
-    assert contents(tmp_path / "out") == contents(tmp_path / "whole")
-    # What had been stored wasn't computed again.
-    assert len([line for line in lines(log) if line.startswith("load")]) == 8 - stored["matches"]
-    assert len([line for line in lines(log) if line.startswith("first")]) == 8 - stored["results"] // 2
-
-
-@pytest.mark.skipif(os.name == "nt", reason="interrupts are sent differently there")
-@pytest.mark.usefixtures("log")
-def test_interrupt_keeps_what_is_finished(tmp_path: Path) -> None:
-    config = tmp_path / "tiny.toml"
-    config.write_text(MATCHES)
-    slow = start_benchmark("run", config, "--out", tmp_path / "out", "--workers", 2, FAKES_HOLD="load")
-    wait_until(lambda: count(tmp_path / "out", "matches") >= 2, "no 2 problems")
-    os.killpg(slow.pid, signal.SIGINT)
-    out, err = slow.communicate(timeout=30)
-    assert (slow.returncode, err) == (130, "cgroup: interrupted\n")
-    assert "run the same command again to continue" in out
-    serial(MATCHES, tmp_path / "out")
-    assert len(tables.load(tmp_path / "out")) == 16
 
 
 @pytest.mark.parametrize(
@@ -233,15 +156,10 @@ def test_interrupt_keeps_what_is_finished(tmp_path: Path) -> None:
         ({"workers": 0}, "workers: got 0"),
     ],
 )
-def test_backends_that_are_not_there(
-    options: dict[str, object], says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_backends_that_are_not_there(options, says, tmp_path, monkeypatch):
     monkeypatch.delenv("DASK_SCHEDULER_ADDRESS", raising=False)
     with pytest.raises(InputError, match=says):
         run(parse_config(MATCHES), tmp_path, **options)  # pyright: ignore[reportArgumentType]
-
-
-# --- timing ------------------------------------------------------------------------------------------
 
 
 TIMING = """
@@ -268,7 +186,7 @@ class Here:
         pass
 
 
-def test_times_are_taken_once(tmp_path: Path, log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_times_are_taken_once(tmp_path, log, monkeypatch):
     monkeypatch.setattr(runner, "Worker", Here)
     monkeypatch.setattr(solving, "SHORTEST", 1e-9)
     text = MATCHES + "pairs = 1" + TIMING
@@ -286,9 +204,7 @@ def test_times_are_taken_once(tmp_path: Path, log: Path, monkeypatch: pytest.Mon
     assert tables.load(tmp_path / "out", "timing").equals(times)
 
 
-def test_what_would_take_too_long_is_skipped_with_a_reason(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_would_take_too_long_is_skipped_with_a_reason(tmp_path, monkeypatch):
     monkeypatch.setattr(runner, "Worker", Here)
     monkeypatch.setattr(solving, "measure", lambda _call, repeats: [6.0] * repeats)
     serial(MATCHES + "pairs = 1" + TIMING + "budget = 7", tmp_path)
@@ -300,7 +216,7 @@ def test_what_would_take_too_long_is_skipped_with_a_reason(
     assert "s per call, more than 7 s" in reasons[0]
 
 
-def test_what_kills_or_hangs_its_process_has_no_times(tmp_path: Path) -> None:
+def test_what_kills_or_hangs_its_process_has_no_times(tmp_path):
     text = TIMING.replace("[30, 60]", "[30]").replace('"benchmark_fakes:first", ', "")
     text = text.replace("wrong_length", 'fatal", "benchmark_fakes:endless", "benchmark_fakes:failing')
     serial(MATCHES + "pairs = 1" + text + "budget = 1", tmp_path)
@@ -310,7 +226,7 @@ def test_what_kills_or_hangs_its_process_has_no_times(tmp_path: Path) -> None:
     assert reasons["benchmark_fakes:endless"] == "took longer than 1 s per call"
 
 
-def test_exponents_are_fitted_to_the_large_sets() -> None:
+def test_exponents_are_fitted_to_the_large_sets():
     n = np.array([500, 2000, 4000, 8000])
     rows = [
         {"method": method, "n": size, "threads": threads, "seconds": 1e-6 * size**power * scale}

@@ -1,9 +1,5 @@
 """Configurations, plans and methods from outside."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import pytest
 
 import benchmark_fakes
@@ -14,10 +10,8 @@ from cgroup.benchmark.config import parse_config, preset_names, read_config, rep
 from cgroup.benchmark.plan import make_plan
 from cgroup.benchmark.problem import Problem
 from cgroup.benchmark.solver import make_solver
+from cgroup.benchmark.store import read_plan
 from cgroup.errors import InputError
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 WRONG_EXPERIMENTS = [
     ("epsilons = [-1]", "[0].epsilons[0]: Input"),
@@ -78,31 +72,26 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("text", "says"), WRONG)
-def test_wrong_configuration_is_one_line_with_the_keys_path(text: str, says: str) -> None:
+def test_wrong_configuration_is_one_line_with_the_keys_path(text, says):
     with pytest.raises(InputError) as raised:
         parse_config(f'name = "x"\n{text}', "x.toml")
     assert str(raised.value).startswith(f"x.toml: {says}")
     assert "\n" not in str(raised.value)
 
 
-def test_defaults_of_a_configuration() -> None:
-    read = parse_config(MATCHES)
-    assert (read.seed, read.timing, read.experiment[0].epsilons) == (0, None, (5.0,))
-
-
 @pytest.mark.parametrize("seed", [2**63 - 1, 2**63, 2**64 - 1])
-def test_seeds_are_as_large_as_methods_take_them(seed: int, tmp_path: Path) -> None:
+def test_seeds_are_as_large_as_methods_take_them(seed, tmp_path):
     text = f"seed = {seed}\n{MATCHES}pairs = 2"
     assert serial(text, tmp_path).counts["experiment"] == (4, 0, 4)
     frame = tables.load(tmp_path)
     assert [int(each) for each in frame["seed"]] == [seed] * 4
-    assert tables.load_config(tmp_path)["seed"] == seed
+    assert read_plan(tmp_path, "config")["seed"] == seed
     known = contents(tmp_path)
     assert serial(text, tmp_path).failed == 0
     assert contents(tmp_path) == known
 
 
-def test_sets_of_methods(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_sets_of_methods(monkeypatch):
     """With a tenth method, "paper" stays the nine, and the default is what exists."""
     monkeypatch.setitem(entries.METHOD_SETS, "all", (*METHODS, "benchmark_fakes:first"))
     text = MATCHES.replace('methods = ["ransac", "gtm"]', "methods = {}")
@@ -122,7 +111,7 @@ def test_sets_of_methods(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("name", ["smoke", "paper-small", "paper"])
-def test_the_papers_presets_run_the_papers_methods(name: str) -> None:
+def test_the_papers_presets_run_the_papers_methods(name):
     preset = read_config(name)
     assert tuple(entry.name for entry in preset.methods) == PAPER_METHODS
     assert preset.timing is not None
@@ -130,7 +119,7 @@ def test_the_papers_presets_run_the_papers_methods(name: str) -> None:
     assert tuple(entry.label or entry.name for entry in timed)[:9] == PAPER_METHODS
 
 
-def test_other_methods_can_take_the_place_of_the_configurations() -> None:
+def test_other_methods_can_take_the_place_of_the_configurations():
     paper = read_config("paper")
     replaced = replace_methods(paper, ["all"])
     assert [entry.name for entry in replaced.methods] == list(METHODS)
@@ -140,7 +129,7 @@ def test_other_methods_can_take_the_place_of_the_configurations() -> None:
         replace_methods(paper, ["everything"])
 
 
-def test_presets_can_be_read() -> None:
+def test_presets_can_be_read():
     named = {"smoke", "paper-small", "paper", "registration", "scenes", "matches", "3dmatch", "kitti"}
     assert named <= set(preset_names())
     ids = ["noise", "density", "clutter", "occlusion", "overlap", "epsilon", "matches", "combinations"]
@@ -155,7 +144,7 @@ def test_presets_can_be_read() -> None:
         read_config("nowhere.toml")
 
 
-def test_a_small_draw_of_pairs_is_part_of_a_larger_one() -> None:
+def test_a_small_draw_of_pairs_is_part_of_a_larger_one():
     text = MATCHES + "pairs = {}"
     drawn = [
         {case.pair for case in make_plan(parse_config(text.replace("{}", n)), None).sets[0].problems}
@@ -165,13 +154,13 @@ def test_a_small_draw_of_pairs_is_part_of_a_larger_one() -> None:
     assert drawn[0] < drawn[1] < drawn[2]
 
 
-def test_absent_data_is_left_out_and_named(tmp_path: Path) -> None:
+def test_absent_data_is_left_out_and_named(tmp_path):
     both = MATCHES.replace(
         '"benchmark_fakes:Matches"', '["benchmark_fakes:Matches", "benchmark_fakes:Absent"]'
     )
     summary = serial(both + "pairs = 2", tmp_path)
     assert summary.missing == {"benchmark_fakes:Absent": "absent: get it from nowhere"}
-    assert tables.load_missing(tmp_path) == summary.missing
+    assert read_plan(tmp_path, "missing") == summary.missing
     assert summary.counts["experiment"].done == 4
     with pytest.raises(InputError, match="all data sets are missing.*get it from nowhere"):
         serial(MATCHES.replace("Matches", "Absent"), tmp_path)
@@ -188,7 +177,7 @@ def test_absent_data_is_left_out_and_named(tmp_path: Path) -> None:
         ("trials.sets", "Clouds", "", "has clouds; give matches, the way"),
     ],
 )
-def test_what_the_data_set_does_not_have(table: str, dataset: str, more: str, says: str) -> None:
+def test_what_the_data_set_does_not_have(table, dataset, more, says):
     text = f'name = "x"\n[[{table}]]\nid = "bare"\ndataset = "benchmark_fakes:{dataset}"\n{more}\n'
     with pytest.raises(InputError, match=f"bare: benchmark_fakes:{dataset} .*{says}"):
         make_plan(parse_config(text), None)
@@ -206,7 +195,7 @@ KEYS = {
 }
 
 
-def test_keys_and_random_numbers_are_the_same_everywhere() -> None:
+def test_keys_and_random_numbers_are_the_same_everywhere():
     cases = {
         key: Problem("experiment", dataset, pair, **{"matches": "C1", **rest})
         for key, (dataset, pair, rest) in KEYS.items()
@@ -219,10 +208,7 @@ def test_keys_and_random_numbers_are_the_same_everywhere() -> None:
     assert default.rng("nuisance").random() != default.rng("sample").random()
 
 
-# --- methods from outside ----------------------------------------------------------------------------
-
-
-def test_methods_from_outside_get_seed_and_lengths(tmp_path: Path) -> None:
+def test_methods_from_outside_get_seed_and_lengths(tmp_path):
     methods = """
     methods = [
       {name = "benchmark_fakes:first", label = "first 20"},
@@ -246,7 +232,7 @@ def test_methods_from_outside_get_seed_and_lengths(tmp_path: Path) -> None:
     assert solver.parameters(7, resolution=0.5) == {"seed": 7, "tolerance": 2.5, "iterations": 50}
 
 
-def test_ransac_after_another_method_stays_inside_its_group() -> None:
+def test_ransac_after_another_method_stays_inside_its_group():
     matches = benchmark_fakes.Matches().load("m0").correspondences
     for method in ("gc", "gtm"):
         before = group(matches, method)
@@ -255,13 +241,13 @@ def test_ransac_after_another_method_stays_inside_its_group() -> None:
         assert not (after.mask & ~before.mask).any()
 
 
-def test_pairs_that_lack_files_are_left_out_and_named(tmp_path: Path) -> None:
+def test_pairs_that_lack_files_are_left_out_and_named(tmp_path):
     partial = MATCHES.replace("Matches", "Partial")
     summary = serial(partial + 'pairs = ["m1", "gone", "m0"]', tmp_path)
     assert summary.missing == {
         "benchmark_fakes:Partial": "1 of 9 pairs lack files: gone (no nowhere/gone.txt)"
     }
-    assert tables.load_missing(tmp_path) == summary.missing
+    assert read_plan(tmp_path, "missing") == summary.missing
     assert summary.counts["experiment"].done == 4
     assert {case.pair for case in make_plan(parse_config(partial), None).sets[0].problems} == {
         f"m{n}" for n in range(8)

@@ -1,14 +1,13 @@
 """The benchmark on a Dask cluster, the workers and scheduler of which may be lost."""
 
-from __future__ import annotations
-
 import os
 import time
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
-from dask_clusters import make_cluster
+from dask_clusters import Cluster, make_cluster
 
 import benchmark_fakes
 from benchmark_runs import (
@@ -27,12 +26,6 @@ from cgroup.benchmark.results import KILLED
 from cgroup.benchmark.run import run
 from cgroup.errors import InputError
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from dask_clusters import Cluster
-
 KILLS = 40 if os.environ.get("HYPOTHESIS_PROFILE") == "thorough" else 1
 
 
@@ -50,9 +43,7 @@ def cluster(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Cluster]
 
 
 @pytest.mark.skipif(os.name == "nt", reason="there is no kill -9")
-def test_a_dask_cluster_that_loses_a_worker(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
-) -> None:
+def test_a_dask_cluster_that_loses_a_worker(tmp_path, monkeypatch, request):
     gate = Gate(tmp_path)
     for name, value in gate.environment.items():
         monkeypatch.setenv(name, value)
@@ -72,7 +63,7 @@ def test_a_dask_cluster_that_loses_a_worker(
 
 @pytest.mark.filterwarnings("default")
 @pytest.mark.parametrize("cluster", [0], indirect=True)
-def test_a_task_that_kills_dask_workers_is_recorded(cluster: Cluster, tmp_path: Path) -> None:
+def test_a_task_that_kills_dask_workers_is_recorded(cluster, tmp_path):
     text = MATCHES.replace('"ransac"', '"benchmark_fakes:deadly"') + 'pairs = ["m0", "m4"]'
     assert benchmark_fakes.Matches().load("m4").correspondences.source[0, 0] > 90
     run(parse_config(text), tmp_path / "out", backend="dask", scheduler=cluster[0])
@@ -82,9 +73,7 @@ def test_a_task_that_kills_dask_workers_is_recorded(cluster: Cluster, tmp_path: 
 
 
 @pytest.mark.filterwarnings("default")
-def test_a_lost_scheduler_is_one_line_and_the_run_goes_on_later(
-    cluster: Cluster, expected: list[tuple[object, ...]], tmp_path: Path
-) -> None:
+def test_a_lost_scheduler_is_one_line_and_the_run_goes_on_later(cluster, expected, tmp_path):
     address, (*_, scheduler) = cluster
 
     def kill_scheduler(stage: str, done: int, _wanted: int) -> None:
@@ -100,9 +89,7 @@ def test_a_lost_scheduler_is_one_line_and_the_run_goes_on_later(
     assert contents(tmp_path) == expected
 
 
-def test_the_command_line_says_in_one_line_that_the_scheduler_is_lost(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_command_line_says_in_one_line_that_the_scheduler_is_lost(tmp_path, monkeypatch):
     """Kills the scheduler after 0 to 8 of the 8 calls; what is there continues on this machine."""
     rng = np.random.default_rng(0)
     config = tmp_path / "t.toml"

@@ -1,22 +1,17 @@
 """The benchmark's records on disks that fail: one line, nothing lost, and the next run goes on."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from benchmark_runs import MATCHES, contents, serial
 from cgroup.cli import main
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 HERE = Path(__file__).parent
 STEP = 1 if os.environ.get("HYPOTHESIS_PROFILE") == "thorough" else 40
@@ -34,7 +29,7 @@ def failing_disk(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return library
 
 
-def test_a_disk_that_fails_at_any_write_loses_nothing(failing_disk: Path, tmp_path: Path) -> None:
+def test_a_disk_that_fails_at_any_write_loses_nothing(failing_disk, tmp_path):
     config = tmp_path / "tiny.toml"
     config.write_text(MATCHES.replace('"ransac", "gtm"', '"ransac"') + "pairs = 2")
     path = os.pathsep.join([str(HERE), os.environ.get("PYTHONPATH", "")])
@@ -94,9 +89,7 @@ def command(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int
     return int(ended.value.code or 0), out, err
 
 
-def test_a_folder_that_is_read_only(
-    read_only: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_folder_that_is_read_only(read_only, tmp_path, capsys):
     config = tmp_path / "tiny.toml"
     config.write_text(MATCHES + "pairs = 3")
     before = contents(shutil.copytree(read_only, tmp_path / "copy"))
@@ -112,7 +105,7 @@ def test_a_folder_that_is_read_only(
     assert {row for row in before if row[0] == "results"} < set(contents(tmp_path / "copy"))
 
 
-def test_a_folder_that_cannot_be_made(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_folder_that_cannot_be_made(tmp_path, capsys):
     (tmp_path / "file").write_text("in the way")
     status, _, err = command(capsys, "run", "smoke", "--out", tmp_path / "file" / "out")
     assert (status, err.count("\n")) == (2, 1)

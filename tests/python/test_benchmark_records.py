@@ -1,11 +1,9 @@
 """What the records say."""
 
-from __future__ import annotations
-
 import shutil
 import sqlite3
 from contextlib import closing
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -17,14 +15,11 @@ from cgroup import group
 from cgroup.benchmark import problem, solving, tables
 from cgroup.benchmark.problem import Problem
 from cgroup.benchmark.results import Matched, pack, unpack
-from cgroup.benchmark.store import RECORDS
+from cgroup.benchmark.store import RECORDS, read_plan
 from cgroup.datasets import standin_pair
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.evaluation import rotation_error, score_group, translation_error
 from cgroup.registration import correspond
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +29,7 @@ def clouds(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
-def test_records_say_what_the_methods_did(clouds: Path) -> None:
+def test_records_say_what_the_methods_did(clouds):
     frame = tables.load(str(clouds))
     with pytest.raises(InputError, match="path: got None; give a path"):
         tables.load(None)  # type: ignore[arg-type]
@@ -70,18 +65,18 @@ def test_records_say_what_the_methods_did(clouds: Path) -> None:
         assert row.translation_error_pr == pytest.approx(expected / pr)
 
 
-def test_columns_of_facts_and_plans(clouds: Path) -> None:
+def test_columns_of_facts_and_plans(clouds):
     frame = tables.load(clouds)
     row = frame.iloc[0]
     assert (row["detector"], row["descriptor"], row["overlap"]) == ("h3d", "shot", 0.9)
     assert np.isnan(row["clutter"])
     assert frame["seconds"].min() > 0
     assert tables.load_machines(clouds)["id"].tolist() == [row["machine"]]
-    assert tables.load_config(clouds)["experiment"][0]["levels"] == [0.1, 0.2]
+    assert read_plan(clouds, "config")["experiment"][0]["levels"] == [0.1, 0.2]
     assert tables.load_datasets(clouds)["title"].tolist() == ["Clouds"]
 
 
-def test_protocols_of_a_data_set_are_judged_by_pose_and_precision(clouds: Path, tmp_path: Path) -> None:
+def test_protocols_of_a_data_set_are_judged_by_pose_and_precision(clouds, tmp_path):
     frame = tables.load(clouds)
     posed = frame["rotation_error"].notna()
     np.testing.assert_array_equal(frame["ok:rmse<=5pr"].astype(bool), posed & (frame["rmse_pr"] <= 5))
@@ -98,7 +93,7 @@ def test_protocols_of_a_data_set_are_judged_by_pose_and_precision(clouds: Path, 
     assert few["registered"].all()
 
 
-def test_groups_of_a_case(clouds: Path) -> None:
+def test_groups_of_a_case(clouds):
     frame = tables.load(clouds)
     row = frame[frame["epsilon"] == 5].iloc[0]
     matches, pose, masks = tables.load_groups(clouds, row["case"])
@@ -111,7 +106,7 @@ def test_groups_of_a_case(clouds: Path) -> None:
         tables.load_groups(clouds, "nothing")
 
 
-def test_the_overlap_error_is_the_mean_displacement_in_pr() -> None:
+def test_the_overlap_error_is_the_mean_displacement_in_pr():
     rng = np.random.default_rng(0)
     source = rng.uniform(size=(3000, 3))
     truth, pose = np.eye(4), np.eye(4)
@@ -124,7 +119,7 @@ def test_the_overlap_error_is_the_mean_displacement_in_pr() -> None:
     assert np.isnan(solving.measure_pose(pose, truth, sample[:0], 0.01)[2])
 
 
-def test_correspondences_survive_packing() -> None:
+def test_correspondences_survive_packing():
     pair = standin_pair(pixels=60)
     matches = correspond(pair.source, pair.target)
     sample = pair.source.points[:7]
@@ -139,7 +134,7 @@ def test_correspondences_survive_packing() -> None:
         np.testing.assert_array_equal(one.mask, other.mask)
 
 
-def test_aggregate() -> None:
+def test_aggregate():
     frame = pd.DataFrame(
         {
             "method": ["gc", "gc", "gc", "ss"],
@@ -175,7 +170,7 @@ def test_aggregate() -> None:
         tables.aggregate(frame, ["method"], "mean")  # pyright: ignore[reportArgumentType]
 
 
-def test_no_records(tmp_path: Path) -> None:
+def test_no_records(tmp_path):
     with pytest.raises(InputError, match="no records; make some with"):
         tables.load(tmp_path)
     (tmp_path / RECORDS).write_text("something else\n" * 100)
@@ -185,10 +180,7 @@ def test_no_records(tmp_path: Path) -> None:
         serial(MATCHES, tmp_path)
 
 
-# --- what can't be read ------------------------------------------------------------------------------
-
-
-def test_a_file_that_sqlite_cannot_read_is_refused_and_left_as_it_is(clouds: Path, tmp_path: Path) -> None:
+def test_a_file_that_sqlite_cannot_read_is_refused_and_left_as_it_is(clouds, tmp_path):
     out = tmp_path / "out"
     shutil.copytree(clouds, out)
     with closing(sqlite3.connect(out / RECORDS)) as connection:
@@ -203,9 +195,7 @@ def test_a_file_that_sqlite_cannot_read_is_refused_and_left_as_it_is(clouds: Pat
     assert (out / RECORDS).read_bytes() == damaged
 
 
-def test_matches_that_cannot_be_unpacked_are_errors_until_they_are_made_again(
-    clouds: Path, tmp_path: Path
-) -> None:
+def test_matches_that_cannot_be_unpacked_are_errors_until_they_are_made_again(clouds, tmp_path):
     out, text = tmp_path / "out", CLOUDS + "epsilons = [1, 5, 9]"
     shutil.copytree(clouds, out)
     with closing(sqlite3.connect(out / RECORDS, isolation_level=None)) as connection:
@@ -219,7 +209,7 @@ def test_matches_that_cannot_be_unpacked_are_errors_until_they_are_made_again(
     assert contents(out) == contents(tmp_path / "whole")
 
 
-def test_another_layout_is_refused(tmp_path: Path) -> None:
+def test_another_layout_is_refused(tmp_path):
     with closing(sqlite3.connect(tmp_path / RECORDS)) as connection:
         connection.execute("create table methods (key text)")
         connection.execute("pragma user_version = 5")
@@ -232,7 +222,7 @@ def test_another_layout_is_refused(tmp_path: Path) -> None:
     assert (tmp_path / RECORDS).read_bytes() == before
 
 
-def test_kinds_of_results_are_checked(clouds: Path) -> None:
+def test_kinds_of_results_are_checked(clouds):
     with pytest.raises(InputError, match="kind: got 'trials'; choose one of experiment"):
         tables.load(clouds, "trials")  # pyright: ignore[reportArgumentType]
     for kind in ("registration", "scenes", "matches", "timing"):

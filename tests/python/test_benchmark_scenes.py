@@ -1,30 +1,22 @@
 """Bags of scans with true poses, and the comparison of ways to make scenes of them."""
 
 import json
-import os
-import signal
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
-from shared_data import data_folder
 
 from benchmark_runs import (
     cgroup_benchmark,
-    contents,
-    count,
-    finish,
     serial,
-    start_benchmark,
-    wait_until,
 )
 from cgroup._runtime.progress import StageClock
 from cgroup.benchmark import tables
 from cgroup.benchmark.config import parse_config, read_config
 from cgroup.benchmark.pipelines import SCENE_SOLVERS, Scans, scene_solvers
 from cgroup.benchmark.plan import make_plan
-from cgroup.benchmark.report.scenes import scene_table
+from cgroup.benchmark.report.pipelines import scene_table
 from cgroup.datasets import standin_pair
 from cgroup.datasets.scan_sets import ScanSet, load_scan_set, pool_sets
 from cgroup.errors import InputError
@@ -86,23 +78,6 @@ def test_scans_of_a_bag_meet_under_their_true_poses_mirrored_ones_too():
             assert np.median(gaps) < 2 * resolution(bag.scans[0])
 
 
-@pytest.mark.parametrize(
-    ("name", "scans"),
-    [
-        ("stanford_views/bunny", 10),
-        ("stanford_views/happy_stand", 15),
-        ("threedmatch/7-scenes-redkitchen", 9),
-    ],
-)
-def test_real_scans_meet_under_their_true_poses(name, scans):
-    bag = load_scan_set([name], data_folder(name), seed=0)
-    assert len(bag.scans) == scans
-    shares = [
-        np.mean(gaps < 3 * resolution(bag.scans[0])) for gaps in gaps_under_the_truth(bag, bag.labels[0])
-    ]
-    assert min(shares) > 0.3
-
-
 def test_places_that_are_not_there_are_refused(tmp_path):
     with pytest.raises(InputError, match="stone: got 'x'; give its seed, a whole number"):
         load_scan_set(["stone:x"], None, seed=0)
@@ -162,27 +137,6 @@ def test_scans_of_a_stone_become_one_scene_and_the_report_shows_it(tmp_path):
     assert (out / "figures" / "scenes.png").stat().st_size > 1000
 
 
-@pytest.mark.skipif(os.name == "nt", reason="signals are sent differently there")
-def test_a_killed_run_continues_where_it_was(tmp_path, places, monkeypatch):
-    log = tmp_path / "log"
-    monkeypatch.setenv("FAKES_LOG", str(log))
-    config, out = tmp_path / "tiny.toml", tmp_path / "out"
-    config.write_text(PLACES)
-    serial(PLACES, tmp_path / "whole", root=places)
-    log.write_text("")
-    call = "run", config, "--data", places, "--out", out
-    slow = start_benchmark(*call, FAKES_HOLD="place")  # in the midst of a bag, with one solver done
-    wait_until(lambda: count(out, "results") == 5, "no 5 results")
-    os.killpg(slow.pid, signal.SIGKILL)
-    slow.communicate()
-    log.write_text("")
-    status, printed, errors = finish(start_benchmark(*call))
-    assert (status, errors) == (0, "")
-    assert "scenes         8 of 8" in printed
-    assert len(log.read_text().splitlines()) == 3
-    assert contents(out) == contents(tmp_path / "whole")
-
-
 def test_seeds_are_taken_together_in_the_table(tmp_path, places):
     serial(PLACES, tmp_path / "out", root=places)
     frame = tables.load(tmp_path / "out", "scenes")
@@ -213,16 +167,6 @@ def test_a_place_that_is_not_at_hand_leaves_its_set_out(tmp_path, places):
     assert status == 2
     assert errors.startswith("cgroup: --data: all data sets are missing; nowhere: ")
     assert "no scans with poses" in errors
-
-
-def test_a_missing_library_leaves_its_solver_out(monkeypatch):
-    absent = SCENE_SOLVERS["kiss-matcher-gnc"]._replace(needs="numpy no_such_library")
-    monkeypatch.setitem(SCENE_SOLVERS, "kiss-matcher-gnc", absent)
-    plan = make_plan(
-        parse_config(STONE.replace('"register-all"', '"register-all", "kiss-matcher-gnc"')), None
-    )
-    assert [solver.label for solver in plan.sets[0].solvers] == ["register-all"]
-    assert plan.missing["kiss-matcher-gnc"].startswith("no_such_library can't be imported")
 
 
 @pytest.mark.parametrize(

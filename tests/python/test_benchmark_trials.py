@@ -1,9 +1,7 @@
 """The comparison of grouping methods on matches: what is planned, run, recorded, ranked and reported."""
 
-from __future__ import annotations
-
 import json
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -11,26 +9,18 @@ import pytest
 
 from benchmark_runs import serial
 from cgroup.benchmark import tables
-from cgroup.benchmark.config import parse_config, read_config
+from cgroup.benchmark.config import parse_config
 from cgroup.benchmark.plan import make_plan
 from cgroup.benchmark.report import write_report
 from cgroup.benchmark.report.trials import (
-    cost_table,
     describe_set,
     failure_table,
     level_table,
-    overview_table,
-    ranking,
 )
 from cgroup.benchmark.results import KILLED
-from cgroup.benchmark.stats import bootstrap, comparable, holm, mcnemar, rank_methods, signed_rank
+from cgroup.benchmark.run import Summary
+from cgroup.benchmark.stats import bootstrap, comparable, rank_methods
 from cgroup.cli import main
-from cgroup.registry import METHODS, PRESETS
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cgroup.benchmark.run import Summary
 
 GRID = """
 name = "tiny"
@@ -90,7 +80,7 @@ def bare(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Summary]:
     return out, serial(MATCHES, out)
 
 
-def test_every_method_is_tried_on_every_problem(frame: pd.DataFrame) -> None:
+def test_every_method_is_tried_on_every_problem(frame):
     # 10 % of 20 are too few to be worth a problem.
     assert frame["case"].nunique() == (2 * 3 - 1) * 2 * 2
     assert len(frame) == frame["case"].nunique() * 3 * 2
@@ -100,7 +90,7 @@ def test_every_method_is_tried_on_every_problem(frame: pd.DataFrame) -> None:
     assert (frame["kind"] == "related").eq(frame["inliers"] > 0).all()
 
 
-def test_the_number_of_threads_changes_no_answer(frame: pd.DataFrame) -> None:
+def test_the_number_of_threads_changes_no_answer(frame):
     answers = ["selected", "selected_correct", "rotation_error", "rmse_pr"]
     one, all_cores = (
         frame[frame["threads"] == count].set_index(["case", "method"])[answers] for count in (1, 0)
@@ -108,7 +98,7 @@ def test_the_number_of_threads_changes_no_answer(frame: pd.DataFrame) -> None:
     pd.testing.assert_frame_equal(one, all_cores.loc[one.index])
 
 
-def test_groups_and_poses_are_judged(frame: pd.DataFrame) -> None:
+def test_groups_and_poses_are_judged(frame):
     easy = frame[(frame["inliers"] == 0.5) & (frame["method"] == "gtm")]
     assert easy["f_score"].mean() > 0.8
     assert easy["right"].mean() > 0.8
@@ -119,13 +109,13 @@ def test_groups_and_poses_are_judged(frame: pd.DataFrame) -> None:
     assert nothing["rotation_error"].isna().all()
 
 
-def test_the_table_of_levels_spreads_one_over_columns(frame: pd.DataFrame) -> None:
+def test_the_table_of_levels_spreads_one_over_columns(frame):
     table = level_table(comparable(frame))
     assert table is not None
     assert table.headers == ("method", "share of correct ones", "matches", "good", "none")
 
 
-def test_what_cannot_be_run_is_recorded(bare: tuple[Path, Summary]) -> None:
+def test_what_cannot_be_run_is_recorded(bare):
     out, summary = bare
     found = tables.load(out, "matches")
     assert summary.counts["matches"].wanted == len(found) == 20
@@ -141,7 +131,7 @@ def test_what_cannot_be_run_is_recorded(bare: tuple[Path, Summary]) -> None:
     assert not failed["right"].any()
 
 
-def test_the_best_offered_pose_is_judged_by_the_truth(bare: tuple[Path, Summary]) -> None:
+def test_the_best_offered_pose_is_judged_by_the_truth(bare):
     rows = tables.load(bare[0], "matches")
     several = rows[rows["method"] == "several"]
     assert not several["right"].any()
@@ -154,15 +144,13 @@ def test_the_best_offered_pose_is_judged_by_the_truth(bare: tuple[Path, Summary]
     assert [cell.text for cell in chosen[1:4]] == ["0.000", "1.000", "0.000"]
 
 
-def test_a_part_of_a_test_set_is_named_as_one(bare: tuple[Path, Summary]) -> None:
+def test_a_part_of_a_test_set_is_named_as_one(bare):
     label = describe_set(tables.load(bare[0], "matches"), tables.load_machines(bare[0]))
     assert "4 problems of the 8 of the test set" in label
     assert "within 5 times the resolution (5 in the data's unit)" in label
 
 
-def test_calls_that_take_too_long_are_given_up_and_tried_again_with_more_time(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_calls_that_take_too_long_are_given_up_and_tried_again_with_more_time(tmp_path, monkeypatch):
     given, _, sets = MATCHES.partition("methods = ")
     text = f'{given}limit = 1\nmethods = ["benchmark_fakes:endless"]\n{sets[sets.index("[[") :]}'
     serial(text, tmp_path)
@@ -175,18 +163,7 @@ def test_calls_that_take_too_long_are_given_up_and_tried_again_with_more_time(
     assert tables.load(tmp_path, "matches")["skipped"].eq("").all()
 
 
-def test_nothing_is_tried_twice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    log = tmp_path / "log"
-    monkeypatch.setenv("FAKES_LOG", str(log))
-    text = MATCHES.replace('"ss",', '{ name = "benchmark_fakes:first", options = { count = 3 } },')
-    serial(text, tmp_path / "out")
-    calls = log.read_text().count("first 3")
-    assert calls >= 4
-    serial(text, tmp_path / "out")
-    assert log.read_text().count("first 3") == calls
-
-
-def test_unrelated_clouds_have_no_right_answer(tmp_path: Path) -> None:
+def test_unrelated_clouds_have_no_right_answer(tmp_path):
     serial(CLOUDS, tmp_path)
     rows = tables.load(tmp_path, "matches")
     counts = rows.groupby("kind").size().to_dict()
@@ -200,7 +177,7 @@ def test_unrelated_clouds_have_no_right_answer(tmp_path: Path) -> None:
     assert by_overlap.headers == ("method", "0.7 to 1 (3)")
 
 
-def test_the_report_shows_each_set(finished: Path) -> None:
+def test_the_report_shows_each_set(finished):
     page = write_report(finished).read_text()
     assert "Methods on matches: grid" in page
     assert "Ranking by F, with 95% intervals" in page
@@ -214,7 +191,7 @@ def print_rankings(finished: Path, capsys: pytest.CaptureFixture[str], *options:
     return capsys.readouterr().out
 
 
-def test_rankings_are_printed(finished: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_rankings_are_printed(finished, capsys):
     lines = print_rankings(finished, capsys).splitlines()
     assert max(map(len, lines)) <= 80
     assert {"All sets", "grid"} <= set(lines)
@@ -222,30 +199,16 @@ def test_rankings_are_printed(finished: Path, capsys: pytest.CaptureFixture[str]
     wide = print_rankings(finished, capsys, "--wide")
     assert "tied with the first in" in wide
     assert "Left out" not in wide
-    markdown = print_rankings(finished, capsys, "--format", "markdown")
-    assert markdown.startswith("## All sets\n")
-    assert "\n## grid\n\ngenerated-matches: " in markdown
-    assert "| 1 | " in markdown
 
 
-def test_rankings_as_json_are_those_of_python(
-    finished: Path, frame: pd.DataFrame, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_rankings_as_json_are_those_of_python(finished, frame, capsys):
     found = json.loads(print_rankings(finished, capsys, "--json"))["results"]["sets"]["grid"]
     ranks = rank_methods(frame[frame["threads"] == 1])
     assert [row["method"] for row in found] == [rank.method for rank in ranks]
     assert [row["f_score"]["mean"] for row in found] == [rank.f_score.mean for rank in ranks]
 
 
-def test_tables_have_a_row_per_method(frame: pd.DataFrame) -> None:
-    one = frame[frame["threads"] == 1]
-    assert len(ranking(one).rows) == len(cost_table(frame).rows) == len(failure_table(one).rows) == 3
-    assert overview_table(frame).headers == ("method", "grid")
-    assert cost_table(frame).headers[1:3] == ("median ms, 1 thread", "median ms, all cores")
-    assert ranking(one).rows[0][-1].text == "F, registered"
-
-
-def test_presets_give_methods_their_options() -> None:
+def test_presets_give_methods_their_options():
     text = GRID.replace("[[trials.sets]]", '[[trials.sets]]\npreset = "legacy_header"')
     (planned,) = make_plan(parse_config(text), None).sets
     options = {method.name: method.options for method in planned.solvers}
@@ -253,20 +216,10 @@ def test_presets_give_methods_their_options() -> None:
     assert options["gtm"] == "{}"
 
 
-@pytest.mark.parametrize("name", ["matches", "3dmatch", "kitti"])
-def test_presets_compare_all_methods(name: str) -> None:
-    preset = read_config(name)
-    assert {method.name for method in preset.methods} == set(METHODS)
-    assert preset.trials is not None
-    assert {each.preset for each in preset.trials.sets} <= set(PRESETS)
-
-
-# --- statistics ----------------------------------------------------------------------------------
-
 COLUMNS = ["case", "method", "f_score", "right", "kind", "correct", "skipped"]
 
 
-def test_intervals_hold_the_mean() -> None:
+def test_intervals_hold_the_mean():
     values = np.column_stack([np.linspace(0, 1, 50), np.full(50, 0.3)])
     varying, constant = bootstrap(values)
     assert varying.low < varying.mean < varying.high
@@ -276,22 +229,7 @@ def test_intervals_hold_the_mean() -> None:
     assert bootstrap(values) == bootstrap(values)
 
 
-def test_paired_tests() -> None:
-    better = np.linspace(0.1, 0.9, 20)
-    assert signed_rank(better, better) == 1.0
-    assert signed_rank(better, better - 0.05) < 0.001
-    first = np.array([True] * 10 + [False] * 10)
-    assert mcnemar(first, first) == 1.0
-    # 8 successes that the other lacks, none the other way round: two-sided 2 / 2^8.
-    assert mcnemar(first, first & (np.arange(20) >= 8)) == pytest.approx(2 / 2**8)
-
-
-def test_holm() -> None:
-    assert holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
-    assert holm([]) == []
-
-
-def test_ranks_tell_a_difference_from_chance() -> None:
+def test_ranks_tell_a_difference_from_chance():
     rng = np.random.default_rng(0)
     base = rng.uniform(0.4, 0.6, size=40)
     scores = {"good": base + 0.2, "as good": base + 0.2 + rng.normal(scale=0.02, size=40), "bad": base}
@@ -309,12 +247,12 @@ def test_ranks_tell_a_difference_from_chance() -> None:
     assert ranks["bad"].p_f_score < 0.001
 
 
-def test_a_pair_without_right_matches_counts_as_not_registered() -> None:
+def test_a_pair_without_right_matches_counts_as_not_registered():
     rows = [["a", "lc", 0.9, True, "related", 9, ""], ["b", "lc", 0.0, False, "related", 0, ""]]
     (rank,) = rank_methods(pd.DataFrame(rows, columns=COLUMNS))
     assert (rank.registered.mean, rank.f_score.mean) == (0.5, 0.45)
 
 
-def test_no_answer_no_rank() -> None:
+def test_no_answer_no_rank():
     nothing = pd.DataFrame([["a", "lc", 0.0, False, "mixed", 0, ""]], columns=COLUMNS)
     assert rank_methods(nothing) == []

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from cgroup.benchmark.machine import this_machine
+from cgroup.benchmark.results import this_machine
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

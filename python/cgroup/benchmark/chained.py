@@ -1,7 +1,5 @@
 """RANSAC on the group of another method (section 6 of the paper)."""
 
-from __future__ import annotations
-
 import functools
 from typing import Any
 

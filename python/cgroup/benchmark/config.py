@@ -1,14 +1,12 @@
 """Configurations of a run: sets of problems and the solvers that run on them, read from TOML."""
 
-from __future__ import annotations
-
 import itertools
-import sys
 from importlib import resources
 from pathlib import Path
 
 from pydantic import ValidationError, model_validator
 
+from cgroup._runtime.toml import tomllib
 from cgroup.benchmark.entries import (
     ExperimentEntry,
     FrontEntry,
@@ -27,11 +25,6 @@ from cgroup.benchmark.solver import Solver
 from cgroup.errors import InputError
 from cgroup.io.files import load_text
 from cgroup.registry import METHODS
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib  # pyright: ignore[reportMissingImports] - on Python 3.10 only
 
 __all__ = ["Config", "parse_config", "read_config"]
 
@@ -68,14 +61,6 @@ class Config(Table):
     pydantic.ValidationError
         For an unknown key or method, a value of another type or out of range, two methods of one label, two
         fronts for one experiment, data set and combination, or a configuration without sets.
-
-    Examples
-    --------
-    >>> from cgroup.benchmark.config import Config
-    >>> small = {"id": "small", "dataset": "generated-matches", "pairs": 2}
-    >>> config = Config(name="mine", methods=["gc", "gtm"], experiment=[small])
-    >>> [method.name for method in config.methods], config.experiment[0].pairs
-    (['gc', 'gtm'], 2)
     """
 
     name: str
@@ -90,19 +75,12 @@ class Config(Table):
 
     @property
     def sets(self) -> tuple[SetEntry, ...]:
-        """All sets of problems, without the timing.
-
-        Examples
-        --------
-        >>> from cgroup.benchmark.config import read_config
-        >>> {entry.task for entry in read_config("smoke").sets}
-        {'experiment'}
-        """
+        """All sets of problems, without the timing."""
         alone = (self.registration, self.scenes, self.trials)
         return (*self.experiment, *(each for table in alone if table for each in table.sets))
 
     @model_validator(mode="after")
-    def _fits(self) -> Config:
+    def _fits(self) -> "Config":
         if not self.sets:
             names = "experiment, registration, scenes, trials"
             tables = "[[experiment]], [registration], [scenes] or [trials]"
@@ -144,11 +122,6 @@ def read_config(source: str | Path) -> Config:
     Config
         The configuration with defaults filled in.
 
-    Raises
-    ------
-    InputError
-        If there is no such file, preset or reading, or with the key's path for the first error in it.
-
     Examples
     --------
     >>> from cgroup.benchmark.config import read_config
@@ -180,7 +153,7 @@ def replace_methods(config: Config, methods: list[str]) -> Config:
 
 
 def parse_config(text: str, name: str = "configuration") -> Config:
-    r"""Read a configuration from TOML text.
+    """Read a configuration from TOML text.
 
     Parameters
     ----------
@@ -193,18 +166,6 @@ def parse_config(text: str, name: str = "configuration") -> Config:
     -------
     Config
         The configuration with defaults filled in.
-
-    Raises
-    ------
-    InputError
-        For text that is not TOML, or with the key's path for the first error in it.
-
-    Examples
-    --------
-    >>> from cgroup.benchmark.config import parse_config
-    >>> text = 'name = "mine"\nmethods = "gtm"\nexperiment = [{id = "all", dataset = "b3r"}]'
-    >>> parse_config(text).experiment[0].id
-    'all'
     """
     try:
         return Config.model_validate(tomllib.loads(text))

@@ -1,6 +1,8 @@
-"""Pools of worker processes or threads of this machine, or of a Dask cluster."""
+"""Pools of worker processes or threads of this machine, or of a Dask cluster.
 
-from __future__ import annotations
+A worker process gets tasks by its standard input and returns results by its former standard output, each as
+the length of a pickle and the pickle. It ends with its parent.
+"""
 
 import functools
 import itertools
@@ -8,6 +10,8 @@ import json
 import os
 import pickle
 import queue
+import signal
+import struct
 import subprocess
 import sys
 import threading
@@ -17,8 +21,18 @@ from contextlib import contextmanager, suppress
 from typing import Any, TypeAlias
 
 from cgroup._runtime.cluster import WorkersDiedError, reach_cluster, work_on_cluster
-from cgroup.benchmark.worker import ALL_CORES, START, end_group, make_ready, read_message, write_message
 from cgroup.errors import InputError
+
+ALL_CORES = 0
+"""A number of threads."""
+
+START = (
+    "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
+    "from cgroup.benchmark.engine import work; work(int(sys.argv[2]))"
+)
+"""Program of the process; its arguments are the parent's module path and a number of cores."""
+
+_LENGTH = struct.Struct("<Q")
 
 BACKENDS = ("processes", "dask", "threading")
 
@@ -149,7 +163,6 @@ class Worker:
                 process.kill()
 
     def _forget(self, process: subprocess.Popen[bytes]) -> None:
-        """End a process, and close its pipes."""
         self._kill(process)
         with self._lock:
             process.wait()
@@ -207,7 +220,6 @@ def _open_processes(count: int) -> Generator[CallUnordered, None, None]:
 def _call_or_error(
     worker: Worker, function: Callable[..., Any], limit: float | None, *arguments: object
 ) -> Any:  # noqa: ANN401 - whatever it returns
-    """Return the result of a function in a worker's process, or the error."""
     try:
         return worker.call(function, *arguments, limit=limit)
     except WorkerError as error:
@@ -237,9 +249,6 @@ def _open_threads(count: int, call: Callable[..., Any]) -> Generator[CallUnorder
         yield call_unordered
     finally:
         pool.shutdown(cancel_futures=True)
-
-
-# --- Dask ------------------------------------------------------------------------------------------
 
 
 @contextmanager
@@ -274,3 +283,71 @@ def _call_in_process(function: Callable[..., Any], limit: float | None, *argumen
     if not hasattr(_of_thread, "worker"):
         _of_thread.worker = Worker(threads=1)
     return _call_or_error(_of_thread.worker, function, limit, *arguments)
+
+
+def work(cores: int) -> None:
+    """Run tasks on a number of cores, or `ALL_CORES`, until the parent closes the pipe or ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, which ends this process
+    if cores != ALL_CORES and hasattr(os, "sched_setaffinity"):  # on Linux; TBB goes by it
+        os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[:cores])
+    tasks, results = _take_pipes()
+    waiting: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+    threading.Thread(target=_read_tasks, args=(tasks, waiting), daemon=True).start()
+    with suppress(OSError):  # where the parent is gone
+        while True:
+            function, arguments = pickle.loads(waiting.get())  # noqa: S301 - from the parent
+            write_message(lambda part: os.write(results, part), function(*arguments))
+
+
+def make_ready(_function: Callable[..., Any]) -> None:
+    """Do nothing; the call returns once the process has started and imported the function's module."""
+
+
+def write_message(write: Callable[[memoryview], int | None], value: object) -> None:
+    """Pickle a value, and write it part by part."""
+    content = pickle.dumps(value, pickle.HIGHEST_PROTOCOL)
+    rest = memoryview(_LENGTH.pack(len(content)) + content)
+    while rest:
+        rest = rest[write(rest) :]
+
+
+def read_message(read: Callable[[int], bytes | None]) -> bytes:
+    """Read the next pickle; raise `EOFError` if the other side is gone."""
+    [length] = _LENGTH.unpack(_read_exactly(read, _LENGTH.size))
+    return _read_exactly(read, length)
+
+
+def _read_exactly(read: Callable[[int], bytes | None], length: int) -> bytes:
+    parts: list[bytes] = []
+    while length:
+        part = read(length)
+        if not part:
+            raise EOFError
+        parts.append(part)
+        length -= len(part)
+    return b"".join(parts)
+
+
+def _take_pipes() -> tuple[int, int]:
+    """Move both pipes away from code that reads the standard input or prints."""
+    tasks, results = os.dup(0), os.dup(1)
+    with open(os.devnull, "rb") as nothing:  # noqa: PTH123 - its number is needed
+        os.dup2(nothing.fileno(), 0)
+    os.dup2(2, 1)
+    return tasks, results
+
+
+def _read_tasks(tasks: int, waiting: queue.SimpleQueue[Any]) -> None:
+    """Pass tasks on; end the process when the pipe is closed, even during a task."""
+    try:
+        while True:
+            waiting.put(read_message(lambda length: os.read(tasks, length)))
+    except (EOFError, OSError):
+        end_group(os.getpid())
+        os._exit(1)
+
+
+def end_group(leader: int) -> None:
+    """End a worker and the processes that it started."""
+    if sys.platform != "win32":
+        os.killpg(leader, signal.SIGKILL)

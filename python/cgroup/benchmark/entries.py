@@ -1,7 +1,5 @@
 """Tables of a configuration: methods, sets of problems, and comparisons."""
 
-from __future__ import annotations
-
 import itertools
 import json
 from collections.abc import Iterable, Sequence
@@ -45,8 +43,6 @@ def _expand_method_sets(value: object) -> object:
 
 
 def _one_of(choices: Iterable[str], what: str = "one of ") -> AfterValidator:
-    """Return a validator that raises for other words."""
-
     def check(value: str) -> str:
         if value not in choices:
             message = f"got {value!r}; choose {what}{', '.join(filter(None, choices))}"
@@ -81,7 +77,7 @@ class MethodEntry(Table):
         return {"name": value} if isinstance(value, str) else value
 
     @model_validator(mode="after")
-    def _exists(self) -> MethodEntry:
+    def _exists(self) -> "MethodEntry":
         self.solver()
         return self
 
@@ -158,7 +154,7 @@ class ExperimentEntry(PairsEntry):
     methods: Methods | None = None
 
     @model_validator(mode="after")
-    def _fits(self) -> ExperimentEntry:
+    def _fits(self) -> "ExperimentEntry":
         if self.nuisance and self.sweep:
             message = "nuisance, sweep: the levels can belong to one of them only"
             raise InputError(message)
@@ -208,7 +204,7 @@ class GridEntry(Table):
     repeats: AtLeastOne = 1
 
     @model_validator(mode="after")
-    def _fits(self) -> GridEntry:
+    def _fits(self) -> "GridEntry":
         for recipe in self.recipes():
             read_recipe(recipe.name)
         return self
@@ -237,7 +233,7 @@ class TrialSetEntry(UnrelatedSetEntry):
     methods: Methods | None = None
 
     @model_validator(mode="after")
-    def _fits(self) -> TrialSetEntry:
+    def _fits(self) -> "TrialSetEntry":
         if bool(self.dataset) == bool(self.grid):
             message = "dataset, grid: give one of the two"
             raise InputError(message)
@@ -270,7 +266,7 @@ class RegistrationEntry(Table):
     sets: Several[PairSetEntry]
 
     @model_validator(mode="after")
-    def _fits(self) -> RegistrationEntry:
+    def _fits(self) -> "RegistrationEntry":
         labels = _refuse_twins(self.sets, self.pipelines, "pipelines")
         for label in (label for each in self.sets for label in each.without if label not in labels):
             message = f"sets: without {label!r}, but the pipelines are {', '.join(labels)}"
@@ -287,7 +283,7 @@ class ScenesEntry(Table):
     sets: Several[SceneSetEntry]
 
     @model_validator(mode="after")
-    def _fits(self) -> ScenesEntry:
+    def _fits(self) -> "ScenesEntry":
         _refuse_twins(self.sets, self.solvers, "solvers")
         return self
 
@@ -301,7 +297,7 @@ class TrialsEntry(Table):
     sets: Several[TrialSetEntry]
 
     @model_validator(mode="after")
-    def _fits(self) -> TrialsEntry:
+    def _fits(self) -> "TrialsEntry":
         _refuse_twins(self.sets, (), "methods")
         return self
 

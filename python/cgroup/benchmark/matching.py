@@ -1,17 +1,13 @@
 """Matching the clouds of a problem: by the paper's front end, with an experiment's changes, or by voxels."""
 
-from __future__ import annotations
-
 import functools
-import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from cgroup import features
-from cgroup._runtime.progress import StageClock
 from cgroup.benchmark.entries import FrontEntry
 from cgroup.benchmark.pipelines.own import describe_voxels
 from cgroup.benchmark.problem import (
@@ -64,29 +60,25 @@ def match_problem(problem: Problem, root: str | None) -> Matched | str:
 
 
 def _match(problem: Problem, loaded: LoadedProblem, root: str | None) -> Matched:
-    details: dict[str, Any] = {}
-    clock = StageClock()
     if not isinstance(loaded.pair, MatchingPair):
         matches = loaded.pair.correspondences
     elif problem.task == "timing":
         matches = _correspond(loaded.pair, loaded.pair.normals, keypoints=problem.size)
     elif problem.task == "experiment":
-        loaded, matches, details = _match_disturbed(problem, loaded.pair, loaded, clock, root)
+        loaded, matches = _match_disturbed(problem, loaded.pair, loaded, root)
     else:
         matches = _match_clouds(problem, loaded)
-    clock.start("overlap")
     resolution = known_resolution(matches.resolution)
     pr = loaded.measure_pr() if problem.task == "matches" else resolution
     sample = loaded.draw_sample(pr, problem.rng("sample"))
-    details["seconds"] = {stage: round(value, 6) for stage, value in clock.stop().items()}
     truth = None if loaded.truth is None else check_rigid(loaded.truth)
-    return Matched(matches, truth, sample, pr, loaded.facts, details)
+    return Matched(matches, truth, sample, pr, loaded.facts)
 
 
 def _match_disturbed(
-    problem: Problem, pair: MatchingPair, loaded: LoadedProblem, clock: StageClock, root: str | None
-) -> tuple[LoadedProblem, Correspondences, dict[str, Any]]:
-    """Disturb a pair and match its clouds; return also the disturbed pair and the parameters."""
+    problem: Problem, pair: MatchingPair, loaded: LoadedProblem, root: str | None
+) -> tuple[LoadedProblem, Correspondences]:
+    """Disturb a pair and match its clouds; return also the disturbed pair."""
     normals = read_front(problem).normals or pair.normals
     if problem.nuisance:
         assert problem.level is not None  # noqa: S101 - the configuration has been checked
@@ -94,17 +86,8 @@ def _match_disturbed(
         clouds = add_normals(disturbed, normals)
         loaded = replace(loaded, pair=disturbed, clouds=disturbed, truth=disturbed.T_target_source)
     else:
-        disturbed, clouds = pair, _load_with_normals(problem.dataset, problem.pair, normals, root)
-    parameters = {
-        "detector": problem.detector,
-        "descriptor": problem.descriptor,
-        "nms_radius": problem.nms_radius,
-        "normals": normals,
-        "source_viewpoint": disturbed.source_viewpoint,
-        "target_viewpoint": disturbed.target_viewpoint,
-        "front": json.loads(problem.front or "{}"),
-    }
-    return loaded, match_by_front(problem, clouds, pair, clock.start), {"parameters": parameters}
+        clouds = _load_with_normals(problem.dataset, problem.pair, normals, root)
+    return loaded, match_by_front(problem, clouds, pair)
 
 
 def _correspond(
@@ -149,21 +132,15 @@ def read_front(problem: Problem) -> FrontEntry:
 
 
 def match_by_front(
-    problem: Problem,
-    clouds: tuple[PointCloud, PointCloud],
-    undisturbed: MatchingPair,
-    begin: Callable[[str], Any],
+    problem: Problem, clouds: tuple[PointCloud, PointCloud], undisturbed: MatchingPair
 ) -> Correspondences:
-    """Match two clouds with normals by a changed paper front end.
-
-    `undisturbed` is the pair before the nuisance; `begin` is called with the name of each stage.
-    """
+    """Match two clouds with normals by a changed paper front end, given the pair before the nuisance."""
     entry = read_front(problem)
     changed = entry.model_dump(exclude={"normals", "resolution"})
     resolution = _find_unit(entry.resolution, clouds, undisturbed)
     detection = {"nms_radius": problem.nms_radius, "resolution": resolution}
     front = PaperFront(*COMBINATIONS[problem.matches], normals="given", **detection, **changed)
-    return correspond_by(front, *clouds, threads=_THREADS, begin=begin)
+    return correspond_by(front, *clouds, threads=_THREADS)
 
 
 def _find_unit(of: str, clouds: tuple[PointCloud, PointCloud], undisturbed: MatchingPair) -> float | None:

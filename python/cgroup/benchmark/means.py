@@ -1,17 +1,14 @@
 """Means of results over pairs, and growth of times with the number of matches."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
+
+import pandas as pd
 
 from cgroup.benchmark.solving import fit_exponent
 from cgroup.errors import InputError
 from cgroup.evaluation.metrics import harmonic_mean, score_counts
 from cgroup.evaluation.protocols import PROTOCOL_PREFIX
-
-if TYPE_CHECKING:  # slow to load, and workers do without
-    import pandas as pd
 
 FITTED_FROM = 2000
 """Exponents are fitted to sets of at least this many matches."""
@@ -47,8 +44,6 @@ def aggregate(
 
     Raises
     ------
-    InputError
-        If `how` is none of the three.
     KeyError
         For results that lack a column.
 
@@ -115,8 +110,6 @@ def exponents(timing: pd.DataFrame, *, threads: int = 1, least: int = FITTED_FRO
     >>> exponents(timing).round(6).values.tolist()
     [['gtm', 2.0, 2]]
     """
-    import pandas as pd  # noqa: PLC0415 - slow to load, and workers do without
-
     kept = timing[(timing["threads"] == threads) & (timing["n"] >= least)]
     of_sets = kept.groupby(["method", "n"])["seconds"].median()
     medians = [(method, of_sets[method]) for method in kept["method"].unique()]

@@ -1,13 +1,11 @@
 """Problems and solvers of a configuration."""
 
-from __future__ import annotations
-
 import itertools
 import json
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from cgroup.benchmark.config import Config
 from cgroup.benchmark.entries import (
@@ -62,9 +60,9 @@ class PlannedSet:
     entry: SetEntry | TimingEntry
     problems: tuple[Problem, ...]
     solvers: tuple[Solver, ...]
-    threads: tuple[int, ...] = (1,)
-    epsilons: tuple[float, ...] = ()
-    limit: float = 600.0
+    threads: tuple[int, ...]
+    epsilons: tuple[float, ...]
+    limit: float
 
 
 @dataclass(frozen=True)
@@ -118,10 +116,6 @@ class _OpenDatasets:
                 self.missing[name] = str(error)
         return name in self.found
 
-    def has_matches(self, name: str) -> bool:
-        """Return whether pairs of a data set are correspondences without clouds."""
-        return self.found[name].role == "correspondences"
-
     def find_scans(self, names: Sequence[str]) -> bool:
         """Return whether the scans of all places exist."""
         for name in names:
@@ -152,35 +146,34 @@ class _OpenDatasets:
 def _plan_sets(config: Config, opened: _OpenDatasets) -> Iterator[PlannedSet]:
     """Plan all sets except the timing; pipelines whose libraries are missing are left out."""
 
-    def installed(entries: Iterable[MethodEntry]) -> list[Solver]:
+    def installed(entries: Iterable[MethodEntry]) -> tuple[Solver, ...]:
         reasons = {each: each.why_missing() for each in (entry.solver() for entry in entries)}
         opened.missing |= {each.label: why for each, why in reasons.items() if why}
-        return [each for each, why in reasons.items() if not why]
+        return tuple(each for each, why in reasons.items() if not why)
 
-    def plan(entry: PairsEntry, solvers: Iterable[Solver], **how: Any) -> PlannedSet:  # noqa: ANN401
+    def problems(entry: PairsEntry) -> tuple[Problem, ...]:
         names = [name for name in entry.dataset or (GeneratedMatches.name,) if opened.open(name)]
-        problems = (each for name in names for each in _list_problems(entry, name, opened, config.seed))
-        return PlannedSet(entry, tuple(dict.fromkeys(problems)), tuple(solvers), **how)
+        found = (each for name in names for each in _list_problems(entry, name, opened, config.seed))
+        return tuple(dict.fromkeys(found))
 
     for entry in config.experiment:
-        methods = [each.solver() for each in entry.methods or config.methods]
-        yield plan(entry, methods, epsilons=entry.epsilons, limit=entry.limit)
+        methods = installed(entry.methods or config.methods)
+        yield PlannedSet(entry, problems(entry), methods, (1,), entry.epsilons, entry.limit)
     if (registration := config.registration) is not None:
         for entry in registration.sets:
-            pipelines = (each for each in registration.pipelines if each.solver().label not in entry.without)
-            how = {"threads": (registration.threads,), "limit": registration.limit}
-            yield plan(entry, installed(pipelines), **how)
+            used = (each for each in registration.pipelines if each.solver().label not in entry.without)
+            threads, limit = (registration.threads,), registration.limit
+            yield PlannedSet(entry, problems(entry), installed(used), threads, (), limit)
     if (scenes := config.scenes) is not None:
-        solvers = tuple(installed(scenes.solvers))
+        solvers = installed(scenes.solvers)
         for entry in scenes.sets:
             bags = _list_bags(entry, config.seed) if opened.find_scans(entry.dataset) else ()
-            yield PlannedSet(entry, tuple(bags), solvers, threads=(scenes.threads,), limit=scenes.limit)
+            yield PlannedSet(entry, tuple(bags), solvers, (scenes.threads,), (), scenes.limit)
     if (trials := config.trials) is not None:
         for entry in trials.sets:
-            methods = entry.methods or trials.methods or config.methods
-            solvers = (_with_preset(each.solver(), entry.preset) for each in methods)
-            how = {"threads": trials.threads, "epsilons": (entry.epsilon,), "limit": trials.limit}
-            yield plan(entry, solvers, **how)
+            methods = installed(entry.methods or trials.methods or config.methods)
+            methods = tuple(_with_preset(each, entry.preset) for each in methods)
+            yield PlannedSet(entry, problems(entry), methods, trials.threads, (entry.epsilon,), trials.limit)
 
 
 def _with_preset(method: Solver, preset: str) -> Solver:
@@ -201,7 +194,7 @@ def _list_problems(entry: PairsEntry, name: str, opened: _OpenDatasets, seed: in
             kind = "related" if recipe.inliers else "mixed"
             yield Problem("matches", name, recipe.name, kind, seed=seed)
         return
-    ready_made = opened.has_matches(name)
+    ready_made = opened.found[name].role == "correspondences"
     _check_role(entry, name, ready_made=ready_made)
     pairs = opened.draw_pairs(entry, name, seed)
     if isinstance(entry, ExperimentEntry):
@@ -246,7 +239,7 @@ def _plan_timing(config: Config, timing: TimingEntry, opened: _OpenDatasets) -> 
         reasons = "; ".join(f"{name}: {opened.missing[name]}" for name in timing.dataset)
         message = f"timing: all data sets are missing; {reasons}"
         raise InputError(message)
-    if opened.has_matches(name):
+    if opened.found[name].role == "correspondences":
         message = f"timing: {name} consists of correspondences; sets of several sizes need clouds"
         raise InputError(message)
     pair = timing.pair if timing.pair is not None else opened.pairs[name][0]
@@ -255,7 +248,7 @@ def _plan_timing(config: Config, timing: TimingEntry, opened: _OpenDatasets) -> 
         for size in sorted(set(timing.sizes))
     )
     solvers = tuple(each.solver() for each in timing.methods or config.methods)
-    return PlannedSet(timing, problems, solvers, timing.threads, limit=timing.budget)
+    return PlannedSet(timing, problems, solvers, timing.threads, (), timing.budget)
 
 
 def _draw(purpose: str, count: int, items: Sequence[Item], seed: int, name: str) -> list[Item]:
@@ -265,7 +258,6 @@ def _draw(purpose: str, count: int, items: Sequence[Item], seed: int, name: str)
 
 
 def _describe(name: str, dataset: Dataset, planned: Iterable[PlannedSet]) -> DatasetFacts:
-    """Return the facts about a data set and its pairs in use."""
     used = {problem.pair for each in planned for problem in each.problems if problem.dataset == name}
     pairs = {pair: (dataset.origin_of(pair), dataset.protocols_of(pair)) for pair in sorted(used)}
     for unknown in (each for _, names in pairs.values() for each in names if each not in PROTOCOLS):

@@ -1,7 +1,5 @@
 """Problems: a disturbed and matched pair, clouds or scans to register, or matches to group."""
 
-from __future__ import annotations
-
 import functools
 import hashlib
 import json
@@ -61,32 +59,52 @@ _CANDIDATES_PER_SAMPLE = 5  # source points tried per point of the sample
 _PAIRS_KEPT = 2  # loaded pairs that a worker keeps: its next task often needs one of them
 
 
+@dataclass(frozen=True, eq=False)
+class LoadedProblem:
+    """A loaded pair, the clouds of the problem (None for ready-made matches), and the true pose if any."""
+
+    pair: MatchingPair | CorrespondencePair
+    clouds: MatchingPair | UnrelatedPair | None
+    truth: FloatArray | None
+
+    @property
+    def points(self) -> tuple[RealArray, RealArray]:
+        """Points of both clouds, or source and target points of all matches."""
+        if self.clouds is not None:
+            return self.clouds.source.points, self.clouds.target.points
+        assert isinstance(self.pair, CorrespondencePair)  # noqa: S101 - else there are clouds
+        return self.pair.correspondences.source, self.pair.correspondences.target
+
+    def measure_pr(self) -> float:
+        """Return the mean distance between neighbours in both clouds, in the data's unit."""
+        if isinstance(self.pair, CorrespondencePair):
+            return known_resolution(self.pair.correspondences.resolution)
+        return (features.resolution(self.points[0]) + features.resolution(self.points[1])) / 2
+
+    def draw_sample(self, pr: float, rng: np.random.Generator) -> RealArray:
+        """Return random source points in the overlap; none without a true pose."""
+        if self.truth is None:
+            return np.empty((0, 3))
+        return overlap_sample(*self.points, self.truth, pr, rng)
+
+    @property
+    def facts(self) -> dict[str, float]:
+        """Known overlap, clutter and occlusion of a related pair."""
+        return {} if self.truth is None else dict(self.pair.facts)
+
+
 @dataclass(frozen=True)
 class Problem:
     """One problem; sets that ask for the same one share it.
 
-    Attributes
-    ----------
-    task : {"experiment", "timing", "registration", "scenes", "matches"}
-        What is asked of it.
-    dataset, pair, kind, other : str
-        The pair itself, mirrored, or mixed: its source with the target of the pair `other`. Ready-made
-        matches without a correct one are "mixed". For scenes, `dataset` names all places, joined by `AND`;
-        "mirrored" adds a mirrored copy of each.
-    nuisance, level : str, float or None
-        Disturbance of the pair and its level.
-    matches : str
-        How clouds are matched: one of `COMBINATIONS` or `DENSE_MATCHES`, or `READY_MADE`.
-    nms_radius : float or None
-        Radius of the detector's non-maximum suppression in pr; its own by default.
-    front : str
-        Changes to the paper's front end, from `FrontEntry.changes`; empty for none.
-    voxel : float or None
-        Edge length of the voxels in the data's unit; chosen for the pair by default.
-    size, repeats : int
-        Number of keypoints to aim at, and of timed calls, for the timing.
-    seed : int
-        Key of all random numbers.
+    It is a pair itself, mirrored, or mixed: its source with the target of the pair `other`. Ready-made
+    matches without a correct one are "mixed". For scenes, `dataset` names all places, joined by `AND`;
+    "mirrored" adds a mirrored copy of each.
+
+    Clouds are disturbed by a `nuisance`, and matched by one of `COMBINATIONS` or `DENSE_MATCHES`. The radius
+    `nms_radius` of the detector's non-maximum suppression is in pr; None for its own. `front` are changes to
+    the paper's front end, from `FrontEntry.changes`. The `voxel` is chosen for the pair if it is None. The
+    timing aims at `size` keypoints, and calls a method `repeats` times.
     """
 
     task: Task
@@ -145,40 +163,6 @@ class Problem:
             message = f"{self.dataset}: {self.other} consists of correspondences; only clouds can be mixed"
             raise InputError(message)
         return LoadedProblem(pair, mix(pair, other), truth)
-
-
-@dataclass(frozen=True, eq=False)
-class LoadedProblem:
-    """A loaded pair, the clouds of the problem (None for ready-made matches), and the true pose if any."""
-
-    pair: MatchingPair | CorrespondencePair
-    clouds: MatchingPair | UnrelatedPair | None
-    truth: FloatArray | None
-
-    @property
-    def points(self) -> tuple[RealArray, RealArray]:
-        """Points of both clouds, or source and target points of all matches."""
-        if self.clouds is not None:
-            return self.clouds.source.points, self.clouds.target.points
-        assert isinstance(self.pair, CorrespondencePair)  # noqa: S101 - else there are clouds
-        return self.pair.correspondences.source, self.pair.correspondences.target
-
-    def measure_pr(self) -> float:
-        """Return the mean distance between neighbours in both clouds, in the data's unit."""
-        if isinstance(self.pair, CorrespondencePair):
-            return known_resolution(self.pair.correspondences.resolution)
-        return (features.resolution(self.points[0]) + features.resolution(self.points[1])) / 2
-
-    def draw_sample(self, pr: float, rng: np.random.Generator) -> RealArray:
-        """Return random source points in the overlap; none without a true pose."""
-        if self.truth is None:
-            return np.empty((0, 3))
-        return overlap_sample(*self.points, self.truth, pr, rng)
-
-    @property
-    def facts(self) -> dict[str, float]:
-        """Known overlap, clutter and occlusion of a related pair."""
-        return {} if self.truth is None else dict(self.pair.facts)
 
 
 def known_resolution(resolution: float | None) -> float:

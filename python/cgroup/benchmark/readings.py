@@ -1,49 +1,24 @@
 """Other readings of what the paper leaves open: changes of a configuration, from `readings.toml`."""
 
-from __future__ import annotations
-
 import functools
-import sys
+from collections.abc import Iterable, Iterator
 from importlib.resources import files
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
+from cgroup._runtime.toml import tomllib
+from cgroup.benchmark.entries import Table
 from cgroup.errors import InputError
 
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib  # pyright: ignore[reportMissingImports] - on Python 3.10 only
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
-
-
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Reading(_Table):
+class Reading(Table):
     """Changes of a configuration.
 
-    Attributes
-    ----------
-    name, label : str
-        Its name in commands, and the change in words.
-    methods : dict of str to dict
-        Options of methods, by label; they hold in every experiment and in the timing.
-    front : dict
-        Fields of an experiment's `front`.
-    nuisances : dict of str to str
-        Nuisances that replace others.
-    epsilons : tuple of float
-        Thresholds of the experiment `epsilon`.
-    without : dict of str to str
-        By experiment, a data set to leave out.
-    experiments, combinations, data : tuple of str
-        Experiments, combinations of detector and descriptor, and data sets that `front` and `nuisances`
-        change; all by default.
+    `methods` are options of methods by label, in every experiment and in the timing. `front` and `nuisances`
+    change the front end and replace nuisances in some experiments, combinations of detector and descriptor,
+    and data sets; in all by default. `epsilons` are the thresholds of the experiment `epsilon`. `without` has
+    a data set to leave out, by experiment.
     """
 
     name: str
@@ -58,7 +33,7 @@ class Reading(_Table):
     data: tuple[str, ...] = ()
 
 
-class Question(_Table):
+class Question(Table):
     """A choice that the paper leaves open: what the paper states, the default, and the other readings."""
 
     id: str
@@ -82,22 +57,12 @@ def apply_readings(tables: dict[str, Any], names: Iterable[str]) -> dict[str, An
         if name not in known:
             message = f"reading: got {name!r}; choose from {', '.join(known)}"
             raise InputError(message)
-        tables = _apply(tables, known[name])
+        experiments = [part for entry in tables["experiment"] for part in _split(entry, known[name])]
+        tables = {**tables, "name": f"{tables['name']}+{name}", "experiment": experiments}
+        for table in (tables, *experiments, tables.get("timing") or {}):
+            if table.get("methods"):
+                table["methods"] = [_set_options(method, known[name]) for method in table["methods"]]
     return tables
-
-
-def _apply(tables: dict[str, Any], reading: Reading) -> dict[str, Any]:
-    experiments = [part for entry in tables["experiment"] for part in _split(entry, reading)]
-    changed: dict[str, Any] = {
-        **tables,
-        "name": f"{tables['name']}+{reading.name}",
-        "experiment": experiments,
-    }
-    parts: list[dict[str, Any]] = [changed, *experiments, changed.get("timing") or {}]
-    for table in parts:
-        if table.get("methods"):
-            table["methods"] = [_set_options(method, reading) for method in table["methods"]]
-    return changed
 
 
 def _set_options(method: dict[str, Any], reading: Reading) -> dict[str, Any]:
@@ -120,14 +85,13 @@ def _split(entry: dict[str, Any], reading: Reading) -> Iterator[dict[str, Any]]:
         "nuisance": reading.nuisances.get(entry["nuisance"], entry["nuisance"]),
     }
     for dataset in kept:
-        reached = entry["id"] in (reading.experiments or [entry["id"]]) and dataset in (
-            reading.data or [dataset]
-        )
-        combinations = [
-            name for name in entry["combinations"] if reached and name in (reading.combinations or [name])
-        ]
-        rest = [name for name in entry["combinations"] if name not in combinations]
+        reached = not reading.experiments or entry["id"] in reading.experiments
+        reached = reached and (not reading.data or dataset in reading.data)
+        changed, rest = [], []
+        for name in entry["combinations"]:
+            fits = reached and (not reading.combinations or name in reading.combinations)
+            (changed if fits else rest).append(name)
         if rest:
             yield {**entry, "dataset": [dataset], "combinations": rest}
-        if combinations:
-            yield {**entry, **changes, "dataset": [dataset], "combinations": combinations}
+        if changed:
+            yield {**entry, **changes, "dataset": [dataset], "combinations": changed}

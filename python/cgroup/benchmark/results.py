@@ -1,18 +1,20 @@
 """Results of solvers and matches of problems, and arrays of both as bytes."""
 
-from __future__ import annotations
-
+import functools
+import hashlib
 import io
 import json
+import os
+import platform
 import zipfile
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from datetime import datetime, timezone
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from cgroup import __version__
-from cgroup.benchmark.machine import Machine, this_machine
 from cgroup.benchmark.problem import Problem
 from cgroup.benchmark.solver import Solver
 from cgroup.types import OPTIONAL_FIELDS, BoolArray, Correspondences, FloatArray, RealArray
@@ -27,6 +29,40 @@ ERRORS = ("rotation_error", "translation_error", "rmse_pr")
 """Errors of a pose: in degrees, in the data's unit, and the mean displacement over the overlap in pr."""
 
 
+@dataclass(frozen=True)
+class Machine:
+    """Hardware and software that determine the speed."""
+
+    cpu: str
+    cores: int
+    system: str
+    python: str
+    numpy: str
+
+    @property
+    def id(self) -> str:
+        """Short name, the same for machines that are alike."""
+        return hashlib.sha256(json.dumps(asdict(self)).encode()).hexdigest()[:12]
+
+
+@functools.cache
+def this_machine() -> Machine:
+    """Describe the machine that this process runs on."""
+    return Machine(
+        _cpu(), os.cpu_count() or 1, platform.platform(), platform.python_version(), np.__version__
+    )
+
+
+def _cpu() -> str:
+    try:
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    except OSError:
+        pass
+    return platform.processor() or platform.machine()
+
+
 def _now() -> str:
     return datetime.now(timezone.utc).isoformat(timespec="seconds")
 
@@ -36,8 +72,7 @@ class Matched:
     """Matches of a problem, and the truth about them.
 
     `truth` is the true pose, if there is one; `sample` are source points in the overlap. `pr` is the unit of
-    the errors, in the data's unit. `facts` are overlap, clutter and occlusion, as far as known. `details`
-    are the parameters of the matching and the seconds of its steps.
+    the errors, in the data's unit. `facts` are overlap, clutter and occlusion, as far as known.
     """
 
     matches: Correspondences
@@ -45,31 +80,6 @@ class Matched:
     sample: RealArray
     pr: float
     facts: dict[str, float]
-    details: dict[str, Any] = field(default_factory=dict[str, Any])
-
-
-@dataclass(frozen=True)
-class Pending:
-    """A problem with the solvers that lack a result on it.
-
-    `entry` numbers the set in the plan. `limit` are seconds after which a solver is stopped.
-    """
-
-    problem: Problem
-    solvers: tuple[Solver, ...]
-    threads: int
-    epsilons: tuple[float, ...]
-    limit: float
-    entry: int = 0
-
-    def result(self, solver: Solver, **fields: Any) -> Result:  # noqa: ANN401 - of a result
-        """Make the result of a solver."""
-        epsilons = json.dumps(self.epsilons)
-        return Result(self.problem.key, solver.key, self.threads, epsilons, self.limit, **fields)
-
-    def fail(self, error: str) -> list[Result]:
-        """Make results of all solvers with the same error."""
-        return [self.result(each, error=error) for each in self.solvers]
 
 
 @dataclass(frozen=True)
@@ -95,6 +105,30 @@ class Result:
     version: str = __version__
     machine: Machine = field(default_factory=this_machine)
     created: str = field(default_factory=_now)
+
+
+@dataclass(frozen=True)
+class Pending:
+    """A problem with the solvers that lack a result on it.
+
+    `entry` numbers the set in the plan. `limit` are seconds after which a solver is stopped.
+    """
+
+    problem: Problem
+    solvers: tuple[Solver, ...]
+    threads: int
+    epsilons: tuple[float, ...]
+    limit: float
+    entry: int = 0
+
+    def result(self, solver: Solver, **fields: Any) -> Result:  # noqa: ANN401 - of a result
+        """Make the result of a solver."""
+        epsilons = json.dumps(self.epsilons)
+        return Result(self.problem.key, solver.key, self.threads, epsilons, self.limit, **fields)
+
+    def fail(self, error: str) -> list[Result]:
+        """Make results of all solvers with the same error."""
+        return [self.result(each, error=error) for each in self.solvers]
 
 
 def describe_error(error: Exception) -> str:
@@ -123,7 +157,7 @@ def pack(matched: Matched) -> bytes:
 
 
 def unpack(content: bytes) -> Matched:
-    """Return the matches that `pack` packed, without the details."""
+    """Return the matches that `pack` packed."""
     with np.load(io.BytesIO(content), allow_pickle=False) as archive:
         fields: dict[str, Any] = {name: archive[name] for name in archive.files}
     facts = {
@@ -138,11 +172,6 @@ def unpack(content: bytes) -> Matched:
     return Matched(matches, truth, sample, pr, facts)
 
 
-def details_json(matched: Matched) -> str:
-    """Return the details of a matching as JSON."""
-    return json.dumps(matched.details, default=float)
-
-
 def pack_mask(mask: BoolArray) -> bytes:
     """Return a group as one bit per match."""
     return np.packbits(mask).tobytes()
@@ -151,13 +180,3 @@ def pack_mask(mask: BoolArray) -> bytes:
 def unpack_mask(packed: bytes, n: int) -> BoolArray:
     """Return a group from its bits: (n,) array of bool."""
     return np.unpackbits(np.frombuffer(packed, dtype=np.uint8), count=n).astype(bool)
-
-
-def pack_floats(array: RealArray) -> bytes:
-    """Return float64, row by row."""
-    return np.ascontiguousarray(array, dtype=np.float64).tobytes()
-
-
-def unpack_pose(content: bytes) -> FloatArray:
-    """Return a pose from its bytes."""
-    return np.frombuffer(content, dtype=np.float64).reshape(4, 4)

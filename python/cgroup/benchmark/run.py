@@ -1,10 +1,4 @@
-"""Running a configuration: results that a folder lacks are computed, so that a stopped run continues.
-
-Problems of experiments are matched and grouped by many workers. Everything else follows with one solver at
-work at a time, so that times and memory can be compared.
-"""
-
-from __future__ import annotations
+"""Running a configuration: results that a folder lacks are computed, so that a stopped run continues."""
 
 import itertools
 from collections import defaultdict, deque
@@ -20,21 +14,27 @@ from cgroup._checks.values import as_count, as_path
 from cgroup._runtime.progress import ignore_progress
 from cgroup.benchmark import solving
 from cgroup.benchmark.config import Config
-from cgroup.benchmark.engine import CallUnordered, OutOfTimeError, Worker, WorkerError, open_workers
+from cgroup.benchmark.engine import (
+    ALL_CORES,
+    CallUnordered,
+    OutOfTimeError,
+    Worker,
+    WorkerError,
+    open_workers,
+)
 from cgroup.benchmark.matching import forget_pairs, match_problem, match_problems
 from cgroup.benchmark.plan import make_plan
 from cgroup.benchmark.problem import Task
 from cgroup.benchmark.results import KILLED, OUT_OF_TIME, Matched, Pending, Result
 from cgroup.benchmark.solver import Solver
 from cgroup.benchmark.store import RECORDS, Counts, Store, only_writer, report_failures
-from cgroup.benchmark.worker import ALL_CORES
 from cgroup.io.result_folders import make_folder
 
 Progress: TypeAlias = Callable[[str, int, int], Any]
 Slow: TypeAlias = defaultdict[tuple[object, ...], list[int]]
 """Numbers of matches on which a method ran out of time, by method and set."""
 
-__all__ = ["Summary", "run"]
+__all__ = ["run"]
 
 GIVEN_UP = 2
 """Calls of a method that ran out of time, after which it isn't run on as many matches or more."""
@@ -48,41 +48,14 @@ _PROBLEMS_AT_ONCE = 4
 
 @dataclass(frozen=True)
 class Summary:
-    """Outcome of a run.
-
-    Attributes
-    ----------
-    counts : dict of str to Counts
-        Done, failed and wanted results of each kind: "experiment", "timing", "registration", "scenes",
-        "matches".
-    missing : dict of str to str
-        Missing data sets and pipelines, and why.
-
-    Examples
-    --------
-    >>> from pathlib import Path
-    >>> from cgroup.benchmark.config import Config
-    >>> from cgroup.benchmark.run import run
-    >>> small = {"id": "small", "dataset": "generated-matches", "pairs": 2}
-    >>> config = Config(name="mine", methods=["gc", "gtm"], experiment=[small])
-    >>> summary = run(config, Path("results"), backend="threading")
-    >>> summary.counts["experiment"], summary.missing
-    (Counts(done=4, failed=0, wanted=4), {})
-    """
+    """Counts of the results of each kind, and the reasons why data sets and pipelines are missing."""
 
     counts: dict[str, Counts]
     missing: dict[str, str]
 
     @property
     def failed(self) -> int:
-        """Number of failed results.
-
-        Examples
-        --------
-        >>> from cgroup.benchmark.run import Summary
-        >>> Summary(counts={}, missing={}).failed
-        0
-        """
+        """Number of failed results."""
         return sum(count.failed for count in self.counts.values())
 
 
@@ -124,13 +97,8 @@ def run(
     Returns
     -------
     Summary
-        Failures are counted there; they don't stop the run.
-
-    Raises
-    ------
-    InputError
-        If all data sets are missing, the backend is missing or unknown, `workers` is below 1, another run
-        uses the folder, or the results can't be read or written. Finished results are kept.
+        `counts` of done, failed and wanted results by kind, the number `failed`, and `missing`: data sets and
+        pipelines with the reasons. Failures don't stop the run.
 
     Examples
     --------
@@ -166,8 +134,6 @@ def run(
 
 
 class _Runner:
-    """Computes the results that a store lacks."""
-
     def __init__(self, store: Store, root: str | None, progress: Progress) -> None:
         self._store = store
         self._root = root
@@ -192,8 +158,6 @@ class _Runner:
     def _add(self, results: list[Result]) -> None:
         self._store.add_results(results)
         self._report(len(results))
-
-    # --- experiments, by many workers ------------------------------------------------------------
 
     def match(self, call_unordered: CallUnordered) -> None:
         """Match the problems of experiments that lack results; errors become results of all solvers."""
@@ -264,8 +228,6 @@ class _Runner:
         if dropped:
             self._add(dropped)
         return tuple(each for each, why in reasons.items() if not why)
-
-    # --- one solver at a time --------------------------------------------------------------------
 
     def run_alone(self, task: Task) -> None:
         """Run solvers one at a time in one other process, which a solver may end.

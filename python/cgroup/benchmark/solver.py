@@ -1,7 +1,5 @@
 """Solvers of the benchmark: grouping methods, and pipelines that register two clouds or many scans."""
 
-from __future__ import annotations
-
 import functools
 import hashlib
 import importlib
@@ -136,7 +134,6 @@ def _method_options(name: str) -> tuple[str, ...]:
 
 
 def _find(kind: SolverKind, name: str) -> Callable[..., Any]:
-    """Find the function of a solver."""
     if ":" in name:
         function = load_plugin(kind, name)
         if not callable(function):

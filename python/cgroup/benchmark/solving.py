@@ -3,8 +3,6 @@
 An error of a solver or a problem becomes part of the result.
 """
 
-from __future__ import annotations
-
 import ctypes
 import functools
 import gc
@@ -28,7 +26,6 @@ from cgroup.benchmark.results import (
     Result,
     describe_error,
     none_unless_finite,
-    pack_floats,
     pack_mask,
     unpack,
 )
@@ -91,7 +88,7 @@ def _run(pending: Pending, solver: Solver, known: dict[str, Any], run: Callable[
         numbers = json.dumps(known | found.numbers, default=float)
     except Exception as error:  # noqa: BLE001 - errors of any kind concern this problem and solver only
         return pending.result(solver, numbers=json.dumps(known), error=describe_error(error))
-    pose = None if found.pose is None else pack_floats(found.pose)
+    pose = None if found.pose is None else found.pose.astype(np.float64).tobytes()
     return pending.result(
         solver, seconds=found.seconds, mask=found.mask, pose=pose, numbers=numbers, skipped=found.skipped
     )
@@ -109,7 +106,6 @@ def measure_pose(
 def _name_errors(
     pose: FloatArray | None, truth: FloatArray | None, sample: RealArray, pr: float, prefix: str = ""
 ) -> dict[str, float | None]:
-    """Return the errors of a pose by name; empty without a true pose."""
     if pose is None or truth is None:
         return {}
     errors = measure_pose(pose, truth, sample, pr)
@@ -280,7 +276,6 @@ def _memory(field: str) -> float | None:
 
 @functools.lru_cache(maxsize=1)  # the next solver is usually asked for the same problem
 def _prepare_clouds(problem: Problem, threads: int, root: str | None) -> Prepared:
-    """Load two clouds."""
     loaded = problem.load(root)
     source, target = (np.asarray(points, dtype=np.float64) for points in loaded.points)
     clouds = loaded.clouds
@@ -309,7 +304,6 @@ def _register(solver: Solver, given: Clouds, loaded: LoadedProblem, sample: Real
 
 @functools.lru_cache(maxsize=1)
 def _prepare_scans(problem: Problem, threads: int, root: str | None) -> Prepared:
-    """Load many scans."""
     folder = None if root is None else Path(root)
     mirrored = problem.kind == "mirrored"
     bag = load_scan_set(problem.dataset.split(AND), folder, problem.seed, mirrored=mirrored)

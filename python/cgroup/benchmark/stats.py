@@ -1,23 +1,17 @@
 """Means with intervals, paired tests, and rankings of methods.
 
-Intervals are percentiles of the means of `RESAMPLES` draws of the units with replacement (Efron 1979); units
-are treated as independent. Differences from the best method are tested on the same units: scores by
-Wilcoxon's signed-rank test, flags by McNemar's exact test, adjusted by Holm (1979) over a column. A method
-that failed or was stopped on a problem has F 0 there and hasn't registered it.
-
-A unit is a problem, or in `rank_overall` a pair with the mean of its cases (levels of nuisances, detectors,
-descriptors). Pairs named `object/pair` of one object share scans: the object is the unit where a data set has
-at least `LEAST_OBJECTS`. Every draw has as many units of each data set as there are.
+Intervals are percentiles of bootstrap means (Efron 1979). Differences from the best method are tested on the
+same units by Wilcoxon's signed-rank test or McNemar's exact test, adjusted by Holm (1979) over a column. A
+unit is a problem, or in `rank_overall` a pair with the mean of its cases. Pairs `object/pair` of one object
+share scans: the object is the unit where a data set has at least `LEAST_OBJECTS`.
 """
 
-from __future__ import annotations
-
-import itertools
 from collections.abc import Callable, Hashable, Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
+import pandas as pd
 from numpy.typing import ArrayLike
 from scipy import stats
 
@@ -26,18 +20,18 @@ from cgroup.datasets.generated_matches import GeneratedMatches
 from cgroup.evaluation.recall_protocols import holm, mcnemar
 from cgroup.types import BoolArray, FloatArray, IndexArray
 
-if TYPE_CHECKING:  # slow to load
-    import pandas as pd
-
 Test: TypeAlias = Callable[[ArrayLike, ArrayLike], float]
 
-__all__ = ["Rank", "rank_methods"]
+__all__ = ["rank_methods"]
 
 RESAMPLES = 10_000
 """Draws of the bootstrap."""
 
 LEVEL = 0.95
 """Level of the intervals; a difference is significant if its p is below 1 - `LEVEL`."""
+
+ENDS = ((1 - LEVEL) / 2, 1 - (1 - LEVEL) / 2)
+"""Quantiles at the ends of the intervals."""
 
 LEAST_OBJECTS = 5
 """Least number of objects of a data set for drawing objects instead of pairs."""
@@ -66,26 +60,7 @@ class Standing(NamedTuple):
 
 
 class Rank(NamedTuple):
-    """A method on a set of problems.
-
-    Attributes
-    ----------
-    method : str
-        Its label.
-    f_score, registered : Interval
-        Mean F, and the share of registered problems.
-    f_tied, registered_tied : bool
-        Whether the difference from the best in F, or in registered problems, is not significant.
-    p_f_score, p_registered : float
-        Adjusted p of these differences; 1 for the best.
-
-    Examples
-    --------
-    >>> from cgroup.benchmark.stats import Interval, Rank
-    >>> rank = Rank("gtm", Interval(0.9, 0.8, 1), Interval(1, 1, 1), True, True, 1, 1)
-    >>> rank.f_score.mean
-    0.9
-    """
+    """A method on a set of problems: mean F and share registered, ties with the best, and adjusted p."""
 
     method: str
     f_score: Interval
@@ -99,31 +74,19 @@ class Rank(NamedTuple):
 class Overall(NamedTuple):
     """A ranking over all pairs of a kind, `REAL` or `GENERATED`.
 
-    `methods` are sorted by the first measure. `standings` are by measure and method. `p_between` are adjusted
-    p of the differences of two methods by the first measure. `pairs` counts pairs by data set, `cases` those
-    that all ranked methods have, `further_cases` the others, `units` what is drawn. `by_object` are the data
-    sets whose objects are drawn. `unranked` has the numbers of cases of methods with too few.
+    `methods` are sorted by the first measure. `standings` are by measure and method. `pairs` counts pairs by
+    data set, `cases` those that all ranked methods have, `further_cases` the others, `units` what is drawn.
+    `unranked` has the numbers of cases of methods with too few.
     """
 
     kind: str
     methods: tuple[str, ...]
     standings: dict[str, dict[str, Standing]]
-    p_between: dict[tuple[str, str], float]
     pairs: dict[str, int]
     cases: int
     further_cases: int
     units: int
-    by_object: tuple[str, ...]
     unranked: dict[str, int]
-
-
-# --- Statistics ---------------------------------------------------------------------------------------------
-
-
-def draw_weights(count: int, resamples: int, *key: object) -> FloatArray:
-    """Return how often each draw with replacement has each unit, (resamples,count)."""
-    drawn = keyed_rng(*key).multinomial(count, np.full(count, 1 / count), size=resamples)
-    return drawn.astype(np.float64)
 
 
 def bootstrap(
@@ -154,21 +117,18 @@ def bootstrap(
             totals[there] += chosen[:, there].sum(axis=0)
         means = totals / numbers.sum(axis=0)
     return [
-        Interval(float(mean), *_percentiles(column)) if known else Interval(*[float("nan")] * 3)
+        Interval(float(mean), *map(float, np.quantile(column[~np.isnan(column)], ENDS)))
+        if known
+        else Interval(*[float("nan")] * 3)
         for mean, column, known in zip(means, draws.T, numbers.sum(axis=0) > 0, strict=True)
     ]
 
 
 @lru_cache(maxsize=4)
 def _draw_stratum(count: int, columns: int, label: int) -> FloatArray:
-    """Draw the units of a stratum, by random numbers keyed by its size."""
-    return draw_weights(count, RESAMPLES, "bootstrap", count, columns, *([label] if label else []))
-
-
-def _percentiles(draws: FloatArray) -> tuple[float, float]:
-    outside = (1 - LEVEL) / 2
-    low, high = np.quantile(draws[~np.isnan(draws)], (outside, 1 - outside))
-    return float(low), float(high)
+    """Return how often each draw with replacement has each unit of a stratum, (RESAMPLES,count)."""
+    rng = keyed_rng("bootstrap", count, columns, *([label] if label else []))
+    return rng.multinomial(count, np.full(count, 1 / count), size=RESAMPLES).astype(np.float64)
 
 
 def signed_rank(one: ArrayLike, other: ArrayLike) -> float:
@@ -188,9 +148,6 @@ def _compare_with_best(values: FloatArray | BoolArray, test: Test, best: int | N
     return [found.get(i, 1.0) for i in range(values.shape[1])]
 
 
-# --- Methods on one set of problems -------------------------------------------------------------------------
-
-
 def rank_methods(trials: pd.DataFrame) -> list[Rank]:
     """Rank the methods of one set by F.
 
@@ -203,7 +160,9 @@ def rank_methods(trials: pd.DataFrame) -> list[Rank]:
     Returns
     -------
     list of Rank
-        The best first; ties in the order of the rows. Empty without problems.
+        The best first; ties in the order of the rows. Empty without problems. Each has `method`, intervals
+        `f_score` and `registered` (`mean, low, high`), and for both whether the difference from the best is
+        not significant (`f_tied, registered_tied`) and its p (`p_f_score, p_registered`; 1 for the best).
 
     Raises
     ------
@@ -250,12 +209,8 @@ def comparable(trials: pd.DataFrame) -> pd.DataFrame:
 
 
 def _by_problem(rows: pd.DataFrame, column: str) -> pd.DataFrame:
-    """Return one row per problem that all methods have, and one column per method."""
     table = rows.pivot_table(index="case", columns="method", values=column, aggfunc="first", sort=False)
     return table.dropna().reindex(columns=list(dict.fromkeys(rows["method"])))
-
-
-# --- Methods over all pairs ---------------------------------------------------------------------------------
 
 
 def rank_overall(rows: pd.DataFrame, measures: Sequence[str]) -> list[Overall]:
@@ -275,17 +230,10 @@ def rank_overall(rows: pd.DataFrame, measures: Sequence[str]) -> list[Overall]:
 
 def name_units(pairs: pd.DataFrame) -> list[str]:
     """Return the unit of each pair: its object, or itself."""
-    objects = [
-        f"{dataset}:{pair.rpartition('/')[0]}" if "/" in pair and dataset != GeneratedMatches.name else ""
-        for dataset, pair in zip(pairs["dataset"], pairs["pair"], strict=True)
-    ]
-    known: dict[str, set[str]] = {}
-    for dataset, name in zip(pairs["dataset"], objects, strict=True):
-        known.setdefault(dataset, set()).add(name)
-    return [
-        name if name and len(known[dataset] - {""}) >= LEAST_OBJECTS else f"{dataset}:{pair}"
-        for dataset, pair, name in zip(pairs["dataset"], pairs["pair"], objects, strict=True)
-    ]
+    objects = pairs["pair"].str.rpartition("/")[0].mask(pairs["dataset"] == GeneratedMatches.name, "")
+    counts = objects[objects != ""].groupby(pairs["dataset"]).nunique()
+    several = pairs["dataset"].map(counts).ge(LEAST_OBJECTS) & (objects != "")
+    return (pairs["dataset"] + ":" + objects.where(several, pairs["pair"])).tolist()
 
 
 def _rank_kind(kind: str, rows: pd.DataFrame, measures: tuple[str, ...]) -> Overall | None:
@@ -307,17 +255,14 @@ def _rank_kind(kind: str, rows: pd.DataFrame, measures: tuple[str, ...]) -> Over
     }
     first = standings[measures[0]]
     order = sorted(ranked, key=lambda method: -first[method].interval.mean)
-    single = set(map(":".join, zip(pairs["dataset"], pairs["pair"], strict=True)))
     return Overall(
         kind,
         tuple(order),
         standings,
-        _compare_all(_unit_means(by_pair[0].to_numpy(np.float64), of_unit), ranked),
         {str(name): int(count) for name, count in pairs.groupby("dataset", sort=False).size().items()},
         len(shared),
         rows.loc[rows["method"].isin(ranked), "case"].nunique() - len(shared),
         len(units),
-        tuple(dict.fromkeys(d for d, unit in zip(datasets, units, strict=True) if unit not in single)),
         {str(method): int(count) for method, count in counts.items() if method not in ranked},
     )
 
@@ -333,8 +278,10 @@ def _by_case(rows: pd.DataFrame, measure: str) -> pd.DataFrame:
 def _find_standings(
     values: FloatArray, of_unit: IndexArray, datasets: list[str], methods: list[str]
 ) -> dict[str, Standing]:
-    by_unit = _unit_means(values, of_unit)
-    numbers = np.repeat(np.bincount(of_unit).astype(np.float64)[:, None], values.shape[1], axis=1)
+    sizes = np.bincount(of_unit).astype(np.float64)[:, None]
+    sums = np.zeros((len(sizes), values.shape[1]))
+    np.add.at(sums, of_unit, values)
+    by_unit, numbers = sums / sizes, np.repeat(sizes, values.shape[1], axis=1)
     means = bootstrap(by_unit * numbers, numbers, strata=datasets)
     best = int(np.argmax([mean.mean for mean in means]))
     yes_or_no = bool(np.isin(by_unit, (0.0, 1.0)).all())
@@ -343,19 +290,3 @@ def _find_standings(
         method: Standing(mean, each, each >= 1 - LEVEL)
         for method, mean, each in zip(methods, means, p, strict=True)
     }
-
-
-def _unit_means(values: FloatArray, of_unit: IndexArray) -> FloatArray:
-    sums = np.zeros((of_unit.max() + 1, values.shape[1]))
-    np.add.at(sums, of_unit, values)
-    return sums / np.bincount(of_unit)[:, None]
-
-
-def _compare_all(values: FloatArray, methods: list[str]) -> dict[tuple[str, str], float]:
-    """Return p of the differences of any two columns in both orders, adjusted together."""
-    twos = list(itertools.combinations(range(len(methods)), 2))
-    p = holm([signed_rank(values[:, one], values[:, other]) for one, other in twos])
-    found: dict[tuple[str, str], float] = {}
-    for (one, other), each in zip(twos, p, strict=True):
-        found[methods[one], methods[other]] = found[methods[other], methods[one]] = each
-    return found

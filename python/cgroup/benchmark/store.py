@@ -4,9 +4,8 @@ Results are kept under keys made from the problem and the solver. Each run repla
 solvers and thresholds its sets ask for. Missing results follow from both.
 """
 
-from __future__ import annotations
-
 import json
+import os
 import sqlite3
 from collections.abc import Generator, Iterable
 from contextlib import closing, contextmanager
@@ -14,10 +13,11 @@ from dataclasses import astuple, fields, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from cgroup._runtime.sqlite import Layout, open_or_make
+from cgroup._checks.values import as_path
+from cgroup._runtime.sqlite import Layout, is_empty, open_or_make
 from cgroup.benchmark.plan import Plan, PlannedSet
 from cgroup.benchmark.problem import Problem, Task
-from cgroup.benchmark.results import Matched, Pending, Result, details_json, pack
+from cgroup.benchmark.results import Matched, Pending, Result, pack
 from cgroup.benchmark.solver import Solver
 from cgroup.errors import InputError
 
@@ -36,7 +36,7 @@ create table solvers (key text primary key, name text, options text, refined int
 create table problems (
     key text primary key, {", ".join(_FIELDS).replace("level", "level real")}, origin text, protocols text
 );
-create table matches (problem text primary key references problems, n integer, details text, content blob);
+create table matches (problem text primary key references problems, n integer, content blob);
 create table results (
     problem text references problems, solver text references solvers, threads integer, epsilons text,
     time_limit real, seconds real, mask blob, pose blob, numbers text, skipped text, error text,
@@ -139,6 +139,44 @@ def foreign_records(path: Path) -> InputError:
     )
 
 
+@contextmanager
+def open_records(path: Path | str) -> Generator[sqlite3.Connection, None, None]:
+    """Open the results for reading; a run may write meanwhile."""
+    path = as_path("path", path)
+    file = path / RECORDS if path.is_dir() else path
+    if not file.exists() or not file.stat().st_size:
+        raise _absent(path)
+    # Also in a folder where SQLite can't make files of its own.
+    alone = not os.access(file.parent, os.W_OK) and not file.with_name(file.name + "-wal").exists()
+    address = f"{file.absolute().as_uri()}?mode=ro{'&immutable=1' if alone else ''}"
+    try:
+        with closing(sqlite3.connect(address, uri=True, timeout=30)) as connection:
+            if is_empty(connection):
+                raise _absent(path)
+            RECORDS_LAYOUT.check(connection, foreign_records(file))
+            yield connection
+    except sqlite3.Error as error:
+        message = (
+            f"{file}: not a file of records, or one that can't be read ({error}); the next run computes all "
+            "results again"
+        )
+        raise InputError(message) from error
+
+
+def _absent(path: Path) -> InputError:
+    file = path / RECORDS if path.is_dir() else path
+    return InputError(f"{file}: no records; make some with: cgroup benchmark run smoke --out {path}")
+
+
+def read_plan(path: Path, column: str) -> Any:  # noqa: ANN401 - any JSON
+    """Return a column of the plan."""
+    with open_records(path) as connection:
+        row = connection.execute(f"select {column} from plan").fetchone()
+    if row is None:
+        raise _absent(path)
+    return json.loads(row[0])
+
+
 def count_results(connection: sqlite3.Connection) -> dict[str, Counts]:
     """Count done, failed and wanted results of each kind in the plan."""
     rows = connection.execute(_COUNTS).fetchall()
@@ -239,8 +277,8 @@ class Store:
         """Store the matches of problems, all or none."""
         with self.transaction():
             for problem, each in records:
-                row = (problem, len(each.matches), details_json(each), pack(each))
-                self._insert("matches", *row, known="replace")
+                row = (problem, len(each.matches), pack(each))
+                self._insert("matches (problem, n, content)", *row, known="replace")
 
     def add_results(self, results: Iterable[Result]) -> None:
         """Store results, all or none, in place of earlier ones."""

@@ -1,29 +1,24 @@
 """Results as tables of pandas, and means over them."""
 
-from __future__ import annotations
-
 import functools
 import json
 import math
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from cgroup._checks.values import as_path
 from cgroup.benchmark.means import add_scores, aggregate, exponents
 from cgroup.benchmark.problem import COMBINATIONS, Task
-from cgroup.benchmark.records import open_records, query, read_plan
-from cgroup.benchmark.results import ERRORS, unpack, unpack_mask, unpack_pose
-from cgroup.benchmark.store import Counts, count_results
+from cgroup.benchmark.results import ERRORS, unpack, unpack_mask
+from cgroup.benchmark.store import Counts, count_results, open_records
 from cgroup.datasets.generated_matches import GeneratedMatches, read_recipe
 from cgroup.errors import InputError
 from cgroup.evaluation.protocols import PAPER_PROTOCOL, PROTOCOL_PREFIX, PROTOCOLS
 from cgroup.types import BoolArray, Correspondences, FloatArray
-
-if TYPE_CHECKING:  # slow to load, and workers do without
-    import pandas as pd
 
 __all__ = ["aggregate", "exponents", "load", "load_groups"]
 
@@ -40,6 +35,9 @@ where e.task = ?
 order by e.entry, l.place, """
 _ORDERS = {"registration": "p.dataset, p.pair, p.kind, p.other"}
 _ORDER = "q.place, t.value"
+
+_FLOATS = ("level", "nms_radius", "voxel", "epsilon", "seconds")
+"""Columns of numbers that may all be missing."""
 
 _TEXTS = ("protocols", "definition", "numbers")
 _GROUPS: dict[str, Any] = {
@@ -123,11 +121,6 @@ def load(path: Path | str, kind: Task = "experiment") -> pd.DataFrame:
 
         "timing": `n`, and a row per `repeat`.
 
-    Raises
-    ------
-    InputError
-        If there are no results, or they can't be read.
-
     Examples
     --------
     >>> from pathlib import Path
@@ -140,8 +133,6 @@ def load(path: Path | str, kind: Task = "experiment") -> pd.DataFrame:
     >>> frame = load(Path("results"))
     >>> frame[["method", "n", "correct"]].values.tolist()
     [['gtm', 1000, 20], ['gtm', 1000, 99]]
-    >>> len(load(Path("results"), "timing"))  # none was asked for
-    0
     """
     if kind not in _MEASURES:
         message = f"kind: got {kind!r}; choose one of {', '.join(_MEASURES)}"
@@ -159,7 +150,8 @@ def load(path: Path | str, kind: Task = "experiment") -> pd.DataFrame:
 
 def _load(path: Path, kind: Task) -> pd.DataFrame:
     """Read the rows of a kind, with columns for all measures and definitions of the sets."""
-    frame = query(path, _ROWS + _ORDERS.get(kind, _ORDER), (kind,))
+    frame = _query(path, _ROWS + _ORDERS.get(kind, _ORDER), (kind,))
+    frame = frame.astype(dict.fromkeys(_FLOATS, float))
     parse = functools.lru_cache(maxsize=64)(json.loads)  # definitions repeat
     protocols, definitions, numbers = ([parse(text) for text in frame.pop(name)] for name in _TEXTS)
     frame["seed"] = [int(seed) for seed in frame["seed"]]  # text, if too large for SQLite
@@ -176,7 +168,7 @@ def _load(path: Path, kind: Task) -> pd.DataFrame:
     return frame.drop(columns=["solver", "place"])
 
 
-def _make_column(name: str, otherwise: Any, rows: list[dict[str, Any]], epsilons: pd.Series) -> np.ndarray:  # noqa: ANN401 - any number
+def _make_column(name: str, otherwise: Any, rows: list[dict[str, Any]], epsilons: pd.Series) -> pd.Series:  # noqa: ANN401 - any number
     """Return a column of numbers, with counts at the threshold of each row, and NaN or infinity for None."""
     column: list[Any] = [row.get(name, otherwise) for row in rows]
     if name in {"correct", "selected_correct"}:
@@ -185,12 +177,8 @@ def _make_column(name: str, otherwise: Any, rows: list[dict[str, Any]], epsilons
         column = [tuple(math.inf if each is None else each for each in row) for row in column]
     if name == "truth":
         column = [None if each is None else np.array(each) for each in column]
-    if isinstance(otherwise, float):
-        column = [math.nan if each is None else each for each in column]
     dtype = type(otherwise) if isinstance(otherwise, (bool, int, float)) else object
-    made = np.empty(len(column), dtype=dtype)
-    made[:] = column
-    return made
+    return pd.Series(column, dtype=dtype)
 
 
 def _join_experiments(frame: pd.DataFrame, protocols: list[list[str]]) -> pd.DataFrame:
@@ -233,7 +221,7 @@ def _add_verdicts(frame: pd.DataFrame, definitions: list[dict[str, Any]]) -> Non
         errors = zip(frame[limit], *(frame[prefix + name] for name in ERRORS), strict=True)
         right = [bool(PROTOCOLS[protocol].judge(math.nan, *each)) for protocol, *each in errors]
         frame[column] = np.array(right, dtype=bool)
-    frame["pose"] = [None if each is None else unpack_pose(each) for each in frame["pose"]]
+    frame["pose"] = [None if each is None else np.frombuffer(each).reshape(4, 4) for each in frame["pose"]]
     splits = zip(frame["set"], definitions, frame["overlap"], strict=True)
     frame["column"] = [_name_column(name, known.get("split_overlap"), each) for name, known, each in splits]
     places = zip(frame["dataset"], frame["pair"], strict=True)
@@ -248,6 +236,13 @@ def _name_column(name: str, split: float | None, overlap: float) -> str:
     return f"{name}, overlap {'>=' if overlap >= split else '<'} {split:g}"
 
 
+def _query(path: Path, statement: str, parameters: tuple[str, ...] = ()) -> pd.DataFrame:
+    with open_records(path) as connection:
+        cursor = connection.execute(statement, parameters)
+        columns = [column[0] for column in cursor.description]
+        return pd.DataFrame.from_records(cursor.fetchall(), columns=columns, coerce_float=True)
+
+
 def load_skips(path: Path) -> pd.DataFrame:
     """Return which methods weren't timed on which sets: `method, n, threads, reason, machine`."""
     frame = _load(path, "timing")
@@ -258,22 +253,12 @@ def load_skips(path: Path) -> pd.DataFrame:
 
 def load_machines(path: Path) -> pd.DataFrame:
     """Return the machines that made results: `id, cpu, cores, system, python, numpy`."""
-    return query(path, "select * from machines order by id")
+    return _query(path, "select * from machines order by id")
 
 
 def load_datasets(path: Path) -> pd.DataFrame:
     """Return the facts about the data sets: `name, title, role, origin, citation`."""
-    return query(path, "select * from datasets order by name")
-
-
-def load_config(path: Path) -> dict[str, Any]:
-    """Return the latest configuration as plain values, with defaults filled in."""
-    return read_plan(path, "config")
-
-
-def load_missing(path: Path) -> dict[str, str]:
-    """Return the reasons why data sets and pipelines are missing, by name."""
-    return read_plan(path, "missing")
+    return _query(path, "select * from datasets order by name")
 
 
 def load_counts(path: Path) -> dict[str, Counts]:
@@ -310,25 +295,6 @@ def load_groups(path: Path | str, case: str) -> tuple[Correspondences, FloatArra
         The true pose.
     masks : dict of str to (n,) array of bool
         The group of each method, by its label, in the order of the configuration.
-
-    Raises
-    ------
-    InputError
-        As `load`, and if there are no results of the case.
-
-    Examples
-    --------
-    >>> from pathlib import Path
-    >>> from cgroup.benchmark.config import Config
-    >>> from cgroup.benchmark.run import run
-    >>> from cgroup.benchmark.tables import load, load_groups
-    >>> small = {"id": "small", "dataset": "generated-matches", "pairs": 2}
-    >>> config = Config(name="mine", methods=["gtm"], experiment=[small])
-    >>> _ = run(config, Path("results"), backend="threading")
-    >>> case = load(Path("results"))["case"].iloc[0]
-    >>> matches, pose, masks = load_groups(Path("results"), case)
-    >>> len(matches), pose.shape, list(masks)
-    (1000, (4, 4), ['gtm'])
     """
     statement = """
     select distinct l.label, mask, l.place from results r join plan_problems q using (problem)

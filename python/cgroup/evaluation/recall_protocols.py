@@ -5,7 +5,6 @@ A protocol is a TOML file, such as those in ``evaluation/presets``.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
@@ -18,16 +17,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cgroup._checks.values import as_choice, as_flag, as_instance, as_length, guess_word, refuse_word
+from cgroup._runtime.toml import tomllib
 from cgroup.errors import InputError
 from cgroup.evaluation.recalls import redwood_errors, registration_recall
 from cgroup.evaluation.result_files import Key, PairErrors, PairPoses, show_pair
 from cgroup.io.files import load_text
 from cgroup.types import BoolArray, FloatArray
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib  # pyright: ignore[reportMissingImports] - on Python 3.10 only
 
 _LIMITS = {"max_rotation": "rotation in deg", "max_translation": "translation", "max_rmse": "RMSE"}
 _PRESETS = resources.files("cgroup.evaluation") / "presets"

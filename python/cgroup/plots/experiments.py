@@ -17,7 +17,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from cgroup.evaluation import ecdf
-from cgroup.evaluation.metrics import REGISTERED_PRECISION
 from cgroup.evaluation.protocols import PAPER_PROTOCOL, PROTOCOL_PREFIX
 from cgroup.plots import style
 from cgroup.plots.charts import Chart, Panel, Series, sort_methods
@@ -232,34 +231,6 @@ def draw_times(
         growth = describe_growth(exponents.get(name, np.nan), complexities.get(name))
         looks[name] = chart.looks[name]._replace(label=f"{chart.looks[name].label}  {growth}".rstrip())
     return replace(chart, looks=looks).draw(title, columns=1, legend="right")
-
-
-def pairs_chart(
-    rows: pd.DataFrame, methods: tuple[str, str], styles: Mapping[str, MethodStyle] | None = None
-) -> Chart:
-    """Chart the precision of two methods pair by pair, and the share of pairs up to each precision."""
-    table = rows.pivot_table(index="pair", columns="method", values="precision")[list(methods)].dropna()
-    table = table.sort_values([methods[1], methods[0]])
-    order = [float(place) for place in range(1, len(table) + 1)]
-    names = [str(name) for name in table.index]
-    looks = style.method_styles(methods, styles)
-    each = [Series(method, y=table[method].tolist(), x=order, notes=names) for method in methods]
-    height = [0.0, *(np.array(order) / len(table)).tolist(), 1.0]
-    up_to = [
-        Series(method, y=height, x=[0.0, *np.sort(table[method].to_numpy()).tolist(), 1.0])
-        for method in methods
-    ]
-    by = f"pairs, by the precision of {looks[methods[1]].label}"
-    bound = REGISTERED_PRECISION
-    return Chart(
-        [
-            Panel("each pair", by, "precision", each, kind="points", bounds={"y": bound}),
-            Panel(
-                "all pairs", "precision", "share of pairs up to it", up_to, kind="lines", bounds={"x": bound}
-            ),
-        ],
-        looks,
-    )
 
 
 def trials_chart(

@@ -1,7 +1,5 @@
 """The design of the paper's evaluation: experiments, data sets, complexities."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from cgroup.evaluation.bins import CLUTTER, OCCLUSION, OVERLAP, Bins
@@ -14,7 +12,7 @@ PLACES = {
     "U3OR": ("u3or", "standin-clutter"),
     "U3M": ("u3m", "stanford", "standin-views"),
 }
-"""Which data sets can speak for a data set of the paper; the first one with records does."""
+"""Data sets that can stand for a data set of the paper; the first one with records does."""
 
 OF_THE_PAPER = frozenset({"b3r-clean", "b3r", "u3or", "u3m"})
 """Data sets that the paper used."""
@@ -27,22 +25,8 @@ GENERATED = "standin-"
 class Experiment:
     """An experiment of the paper, section 4.3.
 
-    Attributes
-    ----------
-    id : str
-        As in configurations.
-    title : str
-        For people.
-    column : str
-        Column of the records that is varied.
-    label : str
-        Of the axis, with the unit.
-    places : tuple of str
-        Data sets of the paper.
-    bins : Bins, optional
-        Levels that the column is sorted into.
-    sections : tuple of str
-        Sections of the paper that interpret the outcome, as claims name them.
+    `column` of the records is varied, and sorted into `bins`; `label` is that of the axis, with the unit.
+    `places` are data sets of the paper. `sections` of the paper interpret the outcome, as claims name them.
     """
 
     id: str

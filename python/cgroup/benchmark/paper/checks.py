@@ -1,7 +1,5 @@
 """Tests of numbers, of which claims consist; each words its own criterion. Checks join by ``&``."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -41,8 +39,7 @@ class Check:
     find: Callable[[Witness], Sequence[Comparison]]
     need: Literal["all", "most"] = "all"
 
-    def __and__(self, other: Check) -> Check:
-        """Test both."""
+    def __and__(self, other: "Check") -> "Check":
         return Check(
             f"{self.criterion}; {other.criterion}",
             lambda witness: [*self.find(witness), *other.find(witness)],
@@ -68,34 +65,28 @@ def share(operator: Operator, bound: float, check: Check) -> Check:
 
 def bound(numbers: Numbers, operator: Operator, value: float, methods: Sequence[str] = ()) -> Check:
     """Compare each number of some methods, or of all, with a bound."""
-
-    def test(row: Row) -> list[Comparison]:
-        return [
-            compare(f"{row.label}, {numbers.what} of {name(column)}", number, operator, value, numbers.show)
-            for column, number in _choose(row, methods)
-        ]
-
-    whose = join_names(methods) if methods else numbers.whose
     limit = numbers.show(value) if numbers.what == "time" else f"{value:g}"
-    words = f"{numbers.what} of {whose} {operator} {limit}"
-    return _at_each(words, numbers, test, tuple(methods))
+    return _of_each_number(
+        f"{operator} {limit}",
+        numbers,
+        methods,
+        lambda label, number: compare(label, number, operator, value, numbers.show),
+        tuple(methods),
+    )
 
 
 def between(low: float, high: float, numbers: Numbers, methods: Sequence[str] = ()) -> Check:
     """Require that each number of some methods, or of all, lies between bounds."""
-
-    def test(row: Row) -> list[Comparison]:
-        return [
-            Comparison(
-                low - 1e-12 <= number <= high + 1e-12,
-                f"{row.label}, {numbers.what} of {name(column)} {numbers.show(number)}",
-                min(number - low, high - number),
-            )
-            for column, number in _choose(row, methods)
-        ]
-
-    whose = join_names(methods) if methods else numbers.whose
-    return _at_each(f"{numbers.what} of {whose} between {low:g} and {high:g}", numbers, test)
+    return _of_each_number(
+        f"between {low:g} and {high:g}",
+        numbers,
+        methods,
+        lambda label, number: Comparison(
+            low - 1e-12 <= number <= high + 1e-12,
+            f"{label} {numbers.show(number)}",
+            min(number - low, high - number),
+        ),
+    )
 
 
 def in_top(tops: Mapping[str, int], numbers: Numbers) -> Check:
@@ -207,6 +198,21 @@ def _at_each(
     )
 
 
-def _choose(row: Row, methods: Sequence[str]) -> list[tuple[str, float]]:
-    """Return some methods, or all, each with its number."""
-    return [(str(method), float(row.scores[method])) for method in methods or row.scores.index]
+def _of_each_number(
+    words: str,
+    numbers: Numbers,
+    methods: Sequence[str],
+    test: Callable[[str, float], Comparison],
+    needed: tuple[str, ...] = (),
+) -> Check:
+    """Test each number of some methods, or of all."""
+
+    def of_row(row: Row) -> list[Comparison]:
+        scores = row.scores[list(methods)] if methods else row.scores
+        return [
+            test(f"{row.label}, {numbers.what} of {name(str(method))}", float(number))
+            for method, number in scores.items()
+        ]
+
+    whose = join_names(methods) if methods else numbers.whose
+    return _at_each(f"{numbers.what} of {whose} {words}", numbers, of_row, needed)

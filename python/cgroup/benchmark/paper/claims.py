@@ -1,7 +1,5 @@
 """The claims of the paper, and the verdict on each by the records."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -42,11 +40,11 @@ from cgroup.benchmark.paper.numbers import (
     times,
     together,
 )
-from cgroup.benchmark.paper.picks import COMBINATIONS, at, named, nearest
-from cgroup.benchmark.paper.table import ClaimTable, Source, make_table
+from cgroup.benchmark.paper.table import ClaimTable, Source, at, make_table, named, nearest
 from cgroup.benchmark.paper.verdicts import CRITERIA, OUTCOMES, Outcome, Verdict, judge, read_explanations
+from cgroup.benchmark.problem import COMBINATIONS
 
-__all__ = ["CLAIMS", "CRITERIA", "OUTCOMES", "Claim", "Outcome", "Verdict", "check_claims"]
+__all__ = ["CLAIMS", "CRITERIA", "OUTCOMES", "Outcome", "check_claims"]
 
 CLEAR, LARGE = 0.05, 0.1
 """A clear and a large difference of scores."""
@@ -54,23 +52,7 @@ CLEAR, LARGE = 0.05, 0.1
 
 @dataclass(frozen=True)
 class Claim:
-    """A statement of the paper, and the check that tests it on the records.
-
-    Attributes
-    ----------
-    id, section : str
-        Its name, and its section of the paper.
-    statement : str
-        The statement, in our own words.
-    check : Check
-        Its test, which words its own criterion.
-
-    Examples
-    --------
-    >>> from cgroup.benchmark.paper.claims import CLAIMS
-    >>> CLAIMS[2].id, CLAIMS[2].criterion
-    ('C-03', 'P of each method >= 0.4 at each level of noise below 0.2 on B3R.')
-    """
+    """A statement of the paper in our own words, its section, and the check that tests it on the records."""
 
     id: str
     section: str
@@ -79,14 +61,7 @@ class Claim:
 
     @property
     def criterion(self) -> str:
-        """The test, in one sentence.
-
-        Examples
-        --------
-        >>> from cgroup.benchmark.paper.claims import CLAIMS
-        >>> CLAIMS[5].criterion
-        'P of NNSR higher than that of GC and 3DHV at each level of noise on B3R.'
-        """
+        """The test, in one sentence."""
         text = self.check.criterion
         return f"{text[0].upper()}{text[1:]}."
 
@@ -326,15 +301,9 @@ def check_claims(frame: pd.DataFrame, timing: pd.DataFrame) -> list[Verdict]:
     Returns
     -------
     list of Verdict
-        One per claim, in the paper's order; `CRITERIA` has the rules.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> from cgroup.benchmark.paper.claims import check_claims
-    >>> verdicts = check_claims(pd.DataFrame(), pd.DataFrame())  # no records
-    >>> {verdict.verdict for verdict in verdicts}
-    {'not testable'}
+        One per claim, in the paper's order; `CRITERIA` has the rules. Each has `id, paper_section, statement,
+        criterion` of the claim, the `verdict` (one of `OUTCOMES`), the numbers (`measured`) or missing
+        records, the `data`, and an `explanation` if one is known.
     """
     return check_evidence(Evidence(frame, timing))
 

@@ -1,7 +1,5 @@
 """The records of each experiment of the paper, on the data set that stands for the paper's."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TypeAlias
@@ -34,18 +32,9 @@ _VARIED = {
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """Records of one experiment on one data set.
+    """Records of one experiment on one data set, without failed ones; the column ``x`` has the level.
 
-    Attributes
-    ----------
-    experiment : Experiment
-        The experiment.
-    place : str
-        Data set of the paper that the records stand for.
-    dataset : str
-        Data set that they come from.
-    rows : DataFrame
-        The records without failed ones; the column ``x`` has the level.
+    `place` is the data set of the paper that `dataset` stands for.
     """
 
     experiment: Experiment
@@ -53,24 +42,14 @@ class Sample:
     dataset: str
     rows: pd.DataFrame
 
-    @cached_property
-    def levels(self) -> list[Level]:
-        """Values of what was varied, ascending."""
-        return sorted(self.rows["x"].dropna().unique().tolist())
-
-    @cached_property
-    def methods(self) -> list[str]:
-        """Methods with records."""
-        return sorted(self.rows["method"].unique())
-
     def by_level(self, column: str) -> pd.DataFrame:
         """Mean over pairs: one row per level, one column per method."""
-        means = self._values(column).groupby([self.rows["x"], self.rows["method"]]).mean().unstack("method")  # noqa: PD010 - of a series
-        return means.dropna(how="all").dropna(how="all", axis="columns")
+        values = self.rows.assign(value=self.rows[column].astype(float))
+        return values.pivot_table(index="x", columns="method", values="value")
 
     def overall(self, column: str) -> pd.Series:
         """Mean over all records of each method, at all levels."""
-        return self._values(column).groupby(self.rows["method"]).mean()
+        return self.rows[column].astype(float).groupby(self.rows["method"]).mean()
 
     def matches(self, column: str) -> pd.Series:
         """Mean over pairs, per level, of a number that is the same for all methods."""
@@ -99,21 +78,10 @@ class Sample:
         kind = " stand-in" if self.dataset.startswith(GENERATED) else ""
         return f"{self.dataset}{replaces} ({origins}{kind} {noun})"
 
-    def _values(self, column: str) -> pd.Series:
-        return self.rows[column].astype(float)
-
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """All records, sorted by experiment and place.
-
-    Attributes
-    ----------
-    frame : DataFrame
-        Records, one row per case, method and threshold.
-    timing : DataFrame
-        Times of the timing experiment; may have no rows.
-    """
+    """All records of the experiments, one row per case, method and threshold, and all times."""
 
     frame: pd.DataFrame
     timing: pd.DataFrame
@@ -142,10 +110,10 @@ class Evidence:
                 return Sample(VARIANTS, place, dataset, shared.assign(x=0.0))
         return None
 
-    def samples(self) -> list[Sample]:
-        """List all samples, with every method, in the paper's order."""
+    def samples(self, *, every_method: bool = True) -> list[Sample]:
+        """List all samples, in the paper's order."""
         found = (
-            self.sample(each.id, place, every_method=True)
+            self.sample(each.id, place, every_method=every_method)
             for each in EXPERIMENTS.values()
             for place in each.places
         )

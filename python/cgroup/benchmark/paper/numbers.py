@@ -4,8 +4,6 @@
 numbers: of each row, such as `lead`, or one row from all, such as `change`.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Callable, Sequence
@@ -17,8 +15,7 @@ import pandas as pd
 
 from cgroup.benchmark.paper import EXPERIMENTS
 from cgroup.benchmark.paper.evidence import Level
-from cgroup.benchmark.paper.picks import Pick
-from cgroup.benchmark.paper.table import MATCHES, TIMING, NotTestableError, Source, Witness
+from cgroup.benchmark.paper.table import MATCHES, TIMING, NotTestableError, Pick, Source, Witness
 from cgroup.benchmark.paper.words import (
     compare_rankings,
     correlate_with_levels,
@@ -49,7 +46,7 @@ _ONE_LEVEL = "the records hold one level only"
 
 
 class Row(NamedTuple):
-    """Numbers of the methods at a level, or where the label states."""
+    """Numbers of the methods at a level, or as the label states."""
 
     label: str
     scores: pd.Series
@@ -83,9 +80,6 @@ class Numbers:
     superlative: str = "best"
 
 
-# --- Numbers of the table -----------------------------------------------------------------------------------
-
-
 def levels(measure: str, *given: Source | Pick) -> Numbers:
     """Means over pairs: one row for each level of some experiments, or for each picked level."""
     sources = [each for each in given if isinstance(each, Source)]
@@ -116,7 +110,7 @@ def overall(measure: str, *sources: Source) -> Numbers:
         ]
 
     where = f"over all levels of {join(f'{each.experiment} ({each.place})' for each in sources)}"
-    show = (lambda value: f"{value:.0f}") if measure == "selected" else show_score
+    show = "{:.0f}".format if measure == "selected" else show_score
     return Numbers(_WHAT.get(measure, measure), where, find, show=show)
 
 
@@ -164,9 +158,6 @@ def together(*several: Numbers) -> Numbers:
     )
 
 
-# --- Numbers of each row ------------------------------------------------------------------------------------
-
-
 def lead(methods: Sequence[str], numbers: Numbers, *, worst: bool = False) -> Numbers:
     """Difference between the mean of some methods, or the worst of them, and the best of the others."""
 
@@ -211,15 +202,13 @@ def distance(one: str, other: str, numbers: Numbers) -> Numbers:
 
 def rank(numbers: Numbers) -> Numbers:
     """Rank of each method: 1 + the number of methods that are better by more than a tie."""
-
-    def find_ranks(scores: pd.Series) -> pd.Series:
-        return pd.Series({method: 1.0 + (scores > scores[method] + TIE).sum() for method in scores.index})
-
-    found = _of_each(numbers, f"rank by {numbers.what}", find_ranks, numbers.whose)
-    return replace(found, show=lambda value: f"{value:.0f}")
-
-
-# --- One row of all -----------------------------------------------------------------------------------------
+    ranks = _of_each(
+        numbers,
+        f"rank by {numbers.what}",
+        lambda scores: scores.map(lambda score: 1.0 + (scores > score + TIE).sum()),
+        numbers.whose,
+    )
+    return replace(ranks, show="{:.0f}".format)
 
 
 def change(numbers: Numbers, *, since: float | None = None, drop: bool = False) -> Numbers:
@@ -249,35 +238,28 @@ def mean_of(numbers: Numbers, *, skipna: bool = True) -> Numbers:
 
 def lowest(numbers: Numbers) -> Numbers:
     """Lowest number over all rows."""
-    return _over(numbers, f"lowest {numbers.what}", _each_method(lambda values: float(np.nanmin(values))))
+    return _over(numbers, f"lowest {numbers.what}", _each_method(lambda _, values: float(np.nanmin(values))))
 
 
 def spread(numbers: Numbers) -> Numbers:
     """Difference of the highest and the lowest number over all rows."""
-    return _over(numbers, f"range of the {numbers.what}", _each_method(lambda values: float(np.ptp(values))))
+    return _over(
+        numbers, f"range of the {numbers.what}", _each_method(lambda _, values: float(np.ptp(values)))
+    )
 
 
 def swing(numbers: Numbers) -> Numbers:
     """Largest rise or largest fall between neighbouring rows, whichever is smaller."""
-
-    def find_swing(values: FloatArray) -> float:
-        return min(float(np.diff(values).max()), float(-np.diff(values).min()))
-
     what = f"the smaller of the largest rise and fall between neighbours of {numbers.what}"
     of_all = replace(numbers, find=lambda witness, _: numbers.find(witness, ()))
-    return _over(of_all, what, _each_method(find_swing), least=3)
+    smaller = _each_method(lambda _, values: float(min(np.diff(values).max(), -np.diff(values).min())))
+    return _over(of_all, what, smaller, least=3)
 
 
 def growth(numbers: Numbers) -> Numbers:
     """Spearman's rank correlation of each method's numbers with the level."""
-
-    def combine(rows: list[Row]) -> tuple[str, pd.Series]:
-        at = [float(row.level) for row in rows]
-        table = pd.DataFrame([row.scores for row in rows])
-        found = {name: correlate_with_levels(at, values) for name, values in table.items()}
-        return f"{rows[0].label} to {rows[-1].label}", pd.Series(found)
-
-    return _over(numbers, f"Spearman correlation of {numbers.what} and level", combine, least=3)
+    found = _each_method(lambda at, values: correlate_with_levels(map(float, at), values))
+    return _over(numbers, f"Spearman correlation of {numbers.what} and level", found, least=3)
 
 
 def stability(numbers: Numbers, *, mean: bool = False) -> Numbers:
@@ -304,7 +286,7 @@ def count_orders(methods: Sequence[str], numbers: Numbers) -> Numbers:
         return "all", pd.Series({join_names(methods): float(len(orders))})
 
     found = _over(numbers, f"orders by {numbers.what}", combine)
-    return replace(found, whose=join_names(methods), show=lambda value: f"{value:.0f}")
+    return replace(found, whose=join_names(methods), show="{:.0f}".format)
 
 
 def over_others(wanted: Sequence[str], numbers: Numbers) -> Numbers:
@@ -319,9 +301,6 @@ def over_others(wanted: Sequence[str], numbers: Numbers) -> Numbers:
     return replace(found, whose=" and ".join(wanted))
 
 
-# --- Parts --------------------------------------------------------------------------------------------------
-
-
 def _of_each(
     numbers: Numbers,
     what: str,
@@ -329,8 +308,6 @@ def _of_each(
     whose: str,
     needed: tuple[str, ...] = (),
 ) -> Numbers:
-    """Derive numbers from each row."""
-
     def find(witness: Witness, _: tuple[str, ...]) -> list[Row]:
         return [row._replace(scores=derive(row.scores)) for row in numbers.find(witness, needed)]
 
@@ -364,12 +341,14 @@ def _need_rows(rows: list[Row], least: int) -> list[Row]:
     return rows
 
 
-def _each_method(reduce: Callable[[FloatArray], float]) -> Callable[[list[Row]], tuple[str, pd.Series]]:
-    """Reduce the numbers of each method over all rows."""
+def _each_method(
+    reduce: Callable[[list[Level], FloatArray], float],
+) -> Callable[[list[Row]], tuple[str, pd.Series]]:
+    """Reduce the levels, and the numbers of each method over all rows."""
 
     def combine(rows: list[Row]) -> tuple[str, pd.Series]:
-        table = pd.DataFrame([row.scores for row in rows])
-        found = {method: reduce(values.to_numpy(dtype=np.float64)) for method, values in table.items()}
+        at, table = [row.level for row in rows], pd.DataFrame([row.scores for row in rows])
+        found = {method: reduce(at, values.to_numpy(dtype=np.float64)) for method, values in table.items()}
         return f"{rows[0].label} to {rows[-1].label}", pd.Series(found)
 
     return combine

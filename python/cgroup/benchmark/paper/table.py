@@ -1,16 +1,19 @@
-"""The one table that claims are checked on: means by experiment, place, level, method and measure."""
+"""The one table that claims are checked on: means by experiment, place, level, method and measure.
 
-from __future__ import annotations
+`at`, `named` and `nearest` pick some of the levels of an experiment.
+"""
 
-from collections.abc import Iterator
+import operator as operators
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import pandas as pd
 
-from cgroup.benchmark.paper import CHAINED, EXPERIMENTS, GENERATED, PLACES, VARIANTS
-from cgroup.benchmark.paper.evidence import Evidence, Sample, mean_times
+from cgroup.benchmark.paper import CHAINED, GENERATED, PLACES, VARIANTS
+from cgroup.benchmark.paper.evidence import Evidence, Level, Sample, mean_times
+from cgroup.benchmark.problem import COMBINATIONS
 from cgroup.benchmark.tables import exponents
 from cgroup.registry import PAPER_METHODS
 from cgroup.types import IndexArray
@@ -51,15 +54,7 @@ class Origin(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ClaimTable:
-    """Means, and the data that they are of.
-
-    Attributes
-    ----------
-    values : DataFrame
-        One row per value, with the columns `COLUMNS`.
-    origins : dict of (str, str) to Origin
-        By experiment and place.
-    """
+    """Means, one row per value with the columns `COLUMNS`, and their data by experiment and place."""
 
     values: pd.DataFrame
     origins: dict[tuple[str, str], Origin]
@@ -81,7 +76,6 @@ class ClaimTable:
 
     @cached_property
     def _places(self) -> dict[tuple[str, ...], IndexArray]:
-        """Rows of each experiment, place and measure."""
         return self.values.groupby(["experiment", "place", "measure"], sort=False).indices
 
 
@@ -138,10 +132,13 @@ def make_table(evidence: Evidence) -> ClaimTable:
     """Compute all means that claims are about."""
     parts = [pd.DataFrame(columns=list(COLUMNS))]
     origins: dict[tuple[str, str], Origin] = {}
-    for sample in _list_samples(evidence):
+    chained = (evidence.same_cases(place, CHAINED) for place in VARIANTS.places)
+    for sample in (*evidence.samples(every_method=False), *filter(None, chained)):
         experiment, place = sample.experiment.id, sample.place
         generated = (sample.dataset,) if sample.is_generated else ()
-        origins[experiment, place] = Origin(tuple(sample.methods), sample.description, generated)
+        origins[experiment, place] = Origin(
+            tuple(sorted(sample.rows["method"].unique())), sample.description, generated
+        )
         parts += [part.assign(experiment=experiment, place=place) for part in _measure(sample)]
     timing = evidence.timing
     times = mean_times(timing[timing["method"].isin(PAPER_METHODS)]) if len(timing) else timing
@@ -155,18 +152,6 @@ def make_table(evidence: Evidence) -> ClaimTable:
             for each in (seconds, fitted[["level", "method", "exponent"]])
         ]
     return ClaimTable(pd.concat([part for part in parts if len(part)] or parts, ignore_index=True), origins)
-
-
-def _list_samples(evidence: Evidence) -> Iterator[Sample]:
-    for experiment in EXPERIMENTS.values():
-        for place in experiment.places:
-            sample = evidence.sample(experiment.id, place)
-            if sample is not None:
-                yield sample
-    for place in VARIANTS.places:
-        sample = evidence.same_cases(place, CHAINED)
-        if sample is not None:
-            yield sample
 
 
 def _measure(sample: Sample) -> Iterator[pd.DataFrame]:
@@ -191,3 +176,61 @@ def _measure(sample: Sample) -> Iterator[pd.DataFrame]:
 def _melt(means: pd.DataFrame) -> pd.DataFrame:
     """Return one row per level, method and measure."""
     return means.astype({"level": object}).melt(["level", "method"], var_name="measure")
+
+
+_SIDES = {
+    "<": (operators.lt, "below"),
+    "<=": (operators.le, "at or below"),
+    ">": (operators.gt, "above"),
+    ">=": (operators.ge, "from"),
+}
+
+
+class Pick(NamedTuple):
+    """Some of the levels: in words, and a function that chooses among the known ones."""
+
+    words: str
+    choose: Callable[[Sequence[Level]], list[Level]]
+
+
+def at(operator: Literal["<", "<=", ">", ">="], bound: float) -> Pick:
+    """Levels on one side of a bound, at least one of which must be there."""
+    compare, words = _SIDES[operator]
+
+    def choose(known: Sequence[Level]) -> list[Level]:
+        chosen = [level for level in known if compare(round(float(level), 6), bound)]
+        if not chosen:
+            message = f"the records hold no level {words} {bound:g}"
+            raise NotTestableError(message)
+        return chosen
+
+    return Pick(f"{words} {bound:g}", choose)
+
+
+def named(*wanted: Level) -> Pick:
+    """Levels that a statement names, all of which must be there."""
+
+    def choose(known: Sequence[Level]) -> list[Level]:
+        missing = [str(each) for each in wanted if each not in known]
+        if missing:
+            message = "the records lack the level " + ", ".join(missing)
+            raise NotTestableError(message)
+        return list(wanted)
+
+    return Pick(
+        "of the six" if wanted == tuple(COMBINATIONS) else "of " + " and ".join(map(str, wanted)), choose
+    )
+
+
+def nearest(level: float, low: float, high: float, *, optional: bool = False) -> Pick:
+    """Level nearest to one, within bounds; it must be there unless it is optional."""
+
+    def choose(known: Sequence[Level]) -> list[Level]:
+        within = [each for each in known if low <= round(float(each), 6) <= high]
+        if not within and not optional:
+            message = f"the records hold no level around {level:g}"
+            raise NotTestableError(message)
+        return sorted(within, key=lambda each: abs(float(each) - level))[:1]
+
+    within = f"within {low:g} to {high:g}{', if there is one' if optional else ''}"
+    return Pick(f"nearest to {level:g} ({within})", choose)

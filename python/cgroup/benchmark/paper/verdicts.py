@@ -1,24 +1,16 @@
 """Verdicts on claims, and their tables."""
 
-from __future__ import annotations
-
-import sys
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
-from typing import Any, Literal, NamedTuple, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
+from cgroup._runtime.toml import tomllib
 from cgroup.benchmark.paper.checks import Check, Comparison
 from cgroup.benchmark.paper.table import ClaimTable, NotTestableError, Witness
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib  # pyright: ignore[reportMissingImports] - on Python 3.10 only
-
 
 Outcome: TypeAlias = Literal["confirmed", "partly", "not confirmed", "not testable"]
 
@@ -50,31 +42,7 @@ _FAILING_SHOWN, _HOLDING_SHOWN = 4, 2  # tests quoted in the text of a verdict
 
 @dataclass(frozen=True)
 class Verdict:
-    """Result of testing a claim on the records.
-
-    Attributes
-    ----------
-    id, paper_section, statement, criterion : str
-        Of the claim.
-    verdict : {"confirmed", "partly", "not confirmed", "not testable"}
-        The outcome of its tests.
-    measured : str
-        The numbers; the missing records if it isn't testable.
-    data : str
-        Data sets used, with the origin of their pairs.
-    explanation : str
-        Why it came out so on this data, if that is known.
-    held, tests : int
-        Number of tests that hold, and of all tests; 0 if the claim isn't testable.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> from cgroup.benchmark.paper.claims import check_claims
-    >>> verdict = check_claims(pd.DataFrame(), pd.DataFrame())[0]
-    >>> verdict.id, verdict.verdict
-    ('C-01', 'not testable')
-    """
+    """Result of testing a claim on the records; `held` of its `tests` hold, both 0 if it isn't testable."""
 
     id: str
     paper_section: str
@@ -88,22 +56,14 @@ class Verdict:
     tests: int = 0
 
 
-class Tally(NamedTuple):
-    """Outcome of the tests of a claim, the number of tests that hold, and the tests with numbers."""
-
-    outcome: Outcome
-    held: int
-    counted: list[Comparison]
-
-
 def judge(check: Check, table: ClaimTable) -> dict[str, Any]:
     """Test a claim; return the fields of its `Verdict` that depend on the records."""
     witness = Witness(table)
     outcome: Outcome = "not testable"
     held = tests = 0
     try:
-        tally = count_tests(check.find(witness), check.need)
-        measured = _quote(tally.counted)
+        counted = [test for test in check.find(witness) if not np.isnan(test.margin)]
+        found, measured = find_outcome(counted, check.need), _quote(counted)
     except NotTestableError as missing:
         measured = str(missing)
     else:
@@ -111,23 +71,20 @@ def judge(check: Check, table: ClaimTable) -> dict[str, Any]:
         if generated:
             measured = f"{ON_GENERATED} ({', '.join(generated)}). On them: {measured}"
         else:
-            outcome, held, tests = tally.outcome, tally.held, len(tally.counted)
-    found = {"verdict": outcome, "measured": measured, "data": witness.describe()}
-    return {**found, "held": held, "tests": tests}
+            outcome, held, tests = found, sum(bool(test.holds) for test in counted), len(counted)
+    fields = {"verdict": outcome, "measured": measured, "data": witness.describe()}
+    return {**fields, "held": held, "tests": tests}
 
 
-def count_tests(found: Sequence[Comparison], need: Literal["all", "most"]) -> Tally:
-    """Return the outcome of the tests without missing numbers; raise if there are none."""
-    counted = [test for test in found if not np.isnan(test.margin)]
+def find_outcome(counted: Sequence[Comparison], need: Literal["all", "most"]) -> Outcome:
+    """Return the outcome of tests; raise if there are none."""
     if not counted:
         message = "the records hold no level that the statement is about"
         raise NotTestableError(message)
-    held = sum(bool(test.holds) for test in counted)
-    share = held / len(counted)
+    share = sum(bool(test.holds) for test in counted) / len(counted)
     if share == 1 or (need == "most" and share > 0.5):
-        return Tally("confirmed", held, counted)
-    outcome: Outcome = "partly" if share >= (0.5 if need == "all" else 0.25) else "not confirmed"
-    return Tally(outcome, held, counted)
+        return "confirmed"
+    return "partly" if share >= (0.5 if need == "all" else 0.25) else "not confirmed"
 
 
 def read_explanations() -> dict[str, str]:

@@ -1,7 +1,5 @@
 """Words for numbers, levels and methods, and two rank correlations."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from typing import Any
@@ -35,13 +33,10 @@ def correlate_with_levels(at: Iterable[float], values: Iterable[float]) -> float
 
 def compare_rankings(one: pd.Series, other: pd.Series) -> float:
     """Return Kendall's tau-b of two rankings of the methods; 1 where all methods tie in both."""
-    orders = [np.sign(np.subtract.outer(scores, scores)) for scores in (one.to_numpy(), other.to_numpy())]
-    ordered = [float((order**2).sum()) for order in orders]
-    if ordered == [0.0, 0.0]:
+    if all((scores == scores.iloc[0]).all() for scores in (one, other)):
         return 1.0
-    norm = math.sqrt(ordered[0] * ordered[1])
-    tau = float((orders[0] * orders[1]).sum()) / norm if norm else 0.0
-    return 0.0 if math.isnan(tau) else tau
+    found: Any = stats.kendalltau(one, other)
+    return 0.0 if math.isnan(found.statistic) else float(found.statistic)
 
 
 def show_score(value: float) -> str:

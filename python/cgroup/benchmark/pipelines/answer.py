@@ -1,7 +1,6 @@
-"""Input and output of pipelines that register two clouds."""
+"""Input and output of pipelines that register two clouds or many scans."""
 
-from __future__ import annotations
-
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,21 +21,8 @@ class Clouds:
         Positions of the scanners; None where unknown.
     voxel : float
         Edge length of the voxels for downsampling.
-    threads : int
-        Number of threads.
-    seed : int
-        Key of random numbers.
-
-    Examples
-    --------
-    >>> from cgroup.benchmark.pipelines import Clouds
-    >>> from cgroup.datasets import standin_pair
-    >>> pair = standin_pair(pixels=60)
-    >>> clouds = Clouds(
-    ...     pair.source.points, pair.target.points, (0, 0, 0), (0, 0, 0), voxel=4.0
-    ... )
-    >>> clouds.voxel, clouds.threads, clouds.seed
-    (4.0, 1, 0)
+    threads, seed : int
+        Number of threads, and key of random numbers.
     """
 
     source: FloatArray
@@ -78,3 +64,40 @@ class Answer:
     ok: bool
     probability: float = np.nan
     covariance: FloatArray | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Scans:
+    """Scans to register.
+
+    Attributes
+    ----------
+    points : sequence of (n,3) array of float64
+        Points of each scan in its own frame, all in one unit.
+    voxel, threads, seed : float, int, int
+        As for `Clouds`.
+    """
+
+    points: Sequence[FloatArray]
+    voxel: float
+    threads: int = 1
+    seed: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class SceneAnswer:
+    """The answer of a solver.
+
+    Attributes
+    ----------
+    poses : (N,4,4) array of float64
+        Poses of the scans in the frames of their components.
+    components : list of list of int
+        Rows of connected scans.
+    tried : int
+        Pairs of scans that were registered.
+    """
+
+    poses: FloatArray
+    components: list[list[int]]
+    tried: int

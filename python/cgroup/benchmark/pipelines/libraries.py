@@ -5,8 +5,6 @@ KISS-Matcher: Fast and robust point cloud registration revisited, ICRA 2025. Koi
 Open Source Software 2024.
 """
 
-from __future__ import annotations
-
 import importlib
 from typing import Any
 
@@ -107,21 +105,11 @@ def kiss_matcher(clouds: Clouds, clock: StageClock) -> Answer:
     clock.start("pose")
     matcher = library.KISSMatcher(library.KISSMatcherConfig(VOXEL))
     found = matcher.estimate(source, target)
-    total = clock.stop().pop("pose")
-    for stage, seconds in _split(matcher, total).items():
-        clock.seconds[stage] = clock.seconds.get(stage, 0.0) + seconds
     if not found.valid:
         return Answer(None, ok=False)
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = found.rotation, np.ravel(found.translation) / scale
     return Answer(pose, ok=matcher.get_num_final_inliers() >= LEAST_INLIERS)
-
-
-def _split(matcher: Any, total: float) -> dict[str, float]:  # noqa: ANN401 - it has no types
-    """Split the time of a call into the stages that the library times."""
-    features = matcher.get_processing_time() + matcher.get_extraction_time()
-    matching = matcher.get_matching_time()
-    return {"features": features, "matching": matching, "pose": total - features - matching}
 
 
 def refine(clouds: Clouds, pose: FloatArray) -> FloatArray:

@@ -1,7 +1,5 @@
 """cgroup's pipelines."""
 
-from __future__ import annotations
-
 from typing import Any, Literal
 
 import numpy as np
@@ -61,24 +59,23 @@ def matches(
 
     Matches are the mutual ones of a dense front end, or those of the paper's evaluation.
     """
-    correspondences = _match_voxels(clouds, clock) if front == "dense" else _match_keypoints(clouds, clock)
+    if front == "dense":
+        correspondences = _match_voxels(clouds, clock)
+    else:
+        correspondences = correspond(
+            clouds.source,
+            clouds.target,
+            source_viewpoint=clouds.source_viewpoint or features.ORIGIN,
+            target_viewpoint=clouds.target_viewpoint or features.ORIGIN,
+            threads=clouds.threads,
+            progress=clock.start,
+        )
     clock.start("grouping")
     try:
         grouping = group(correspondences, method, threads=clouds.threads, **options)
         return Answer(grouping.transform(), ok=True)
     except NoConsensusError:
         return Answer(None, ok=False)
-
-
-def _match_keypoints(clouds: Clouds, clock: StageClock) -> Correspondences:
-    return correspond(
-        clouds.source,
-        clouds.target,
-        source_viewpoint=clouds.source_viewpoint or features.ORIGIN,
-        target_viewpoint=clouds.target_viewpoint or features.ORIGIN,
-        threads=clouds.threads,
-        progress=clock.start,
-    )
 
 
 def _match_voxels(clouds: Clouds, clock: StageClock) -> Correspondences:

@@ -4,19 +4,17 @@ Choi, Zhou, Koltun: Robust reconstruction of indoor scenes, CVPR 2015 (line proc
 Tzoumas, Carlone: Graduated non-convexity for robust spatial perception, RA-L 2020, as in GTSAM.
 """
 
-from __future__ import annotations
-
 import importlib
 import itertools
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from cgroup._runtime.progress import StageClock
 from cgroup.benchmark.pipelines import libraries
-from cgroup.benchmark.pipelines.answer import Clouds
+from cgroup.benchmark.pipelines.answer import Clouds, Scans, SceneAnswer
 from cgroup.registration.search import Effort
 from cgroup.rigid import invert
 from cgroup.scenes import register_all
@@ -30,65 +28,6 @@ PRUNED_BELOW = 0.25
 
 INLIER_WEIGHT = 0.5
 """Limit of GNC's weights, which end near 0 or 1."""
-
-
-@dataclass(frozen=True, eq=False)
-class Scans:
-    """Scans to register.
-
-    Attributes
-    ----------
-    points : sequence of (n,3) array of float64
-        Points of each scan in its own frame, all in one unit.
-    voxel : float
-        Edge length of the voxels for downsampling.
-    threads : int
-        Number of threads.
-    seed : int
-        Key of random numbers.
-
-    Examples
-    --------
-    >>> from cgroup.benchmark.pipelines import Scans
-    >>> from cgroup.datasets import standin_pair
-    >>> pair = standin_pair(pixels=60)
-    >>> Scans([pair.source.points, pair.target.points], voxel=4.0).threads
-    1
-    """
-
-    points: Sequence[FloatArray]
-    voxel: float
-    threads: int = 1
-    seed: int = 0
-
-
-@dataclass(frozen=True, eq=False)
-class SceneAnswer:
-    """The answer of a solver.
-
-    Attributes
-    ----------
-    poses : (N,4,4) array of float64
-        Poses of the scans in the frames of their components.
-    components : list of list of int
-        Rows of connected scans.
-    tried : int
-        Pairs of scans that were registered.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cgroup.benchmark.pipelines import SceneAnswer
-    >>> def apart(scans, clock):  # named "module:apart" in a configuration
-    ...     count = len(scans.points)
-    ...     return SceneAnswer(
-    ...         np.tile(np.eye(4), (count, 1, 1)), [[row] for row in range(count)], 0
-    ...     )
-    """
-
-    poses: FloatArray
-    components: list[list[int]]
-    tried: int
 
 
 class _Pair(NamedTuple):
@@ -113,7 +52,7 @@ def open3d_multiway(scans: Scans, clock: StageClock) -> SceneAnswer:
     described = [libraries.describe(o3d, points, None, scans.voxel) for points in scans.points]
     clock.start("pairs")
     o3d.utility.random.seed(scans.seed)
-    reach = libraries.REACH * scans.voxel
+    inform, reach = registration.get_information_matrix_from_point_clouds, libraries.REACH * scans.voxel
     pairs: list[_Pair] = []
     information: dict[tuple[int, int], FloatArray] = {}
     for source, target in itertools.combinations(range(len(described)), 2):
@@ -122,9 +61,7 @@ def open3d_multiway(scans: Scans, clock: StageClock) -> SceneAnswer:
             continue
         pose = np.array(found.transformation, dtype=np.float64)
         clouds = described[source][0], described[target][0]
-        information[source, target] = registration.get_information_matrix_from_point_clouds(
-            *clouds, reach, pose
-        )
+        information[source, target] = inform(*clouds, reach, pose)
         pairs.append(_Pair(source, target, pose, float(len(found.correspondence_set))))
     clock.start("graph")
     poses, _ = _span(len(described), pairs)
@@ -145,7 +82,9 @@ def open3d_multiway(scans: Scans, clock: StageClock) -> SceneAnswer:
     )
     kept = [_Pair(edge.source_node_id, edge.target_node_id, np.eye(4), 1.0) for edge in graph.edges]
     _, components = _span(len(described), kept)
-    return SceneAnswer(np.array([node.pose for node in graph.nodes]), components, _count_pairs(scans))
+    return SceneAnswer(
+        np.array([node.pose for node in graph.nodes]), components, math.comb(len(described), 2)
+    )
 
 
 def kiss_matcher_gnc(scans: Scans, clock: StageClock) -> SceneAnswer:
@@ -165,7 +104,7 @@ def kiss_matcher_gnc(scans: Scans, clock: StageClock) -> SceneAnswer:
         if mine:
             kept += _graduate(gtsam, component, mine, poses, scans.voxel)
     _, components = _span(len(scans.points), kept)
-    return SceneAnswer(poses, components, _count_pairs(scans))
+    return SceneAnswer(poses, components, math.comb(len(scans.points), 2))
 
 
 def _graduate(
@@ -198,10 +137,6 @@ def _graduate(
         poses[row] = scaled(found.atPose3(row).matrix(), voxel)
     weights = optimizer.getWeights()[: len(pairs)]
     return [pair for pair, weight in zip(pairs, weights, strict=True) if weight > INLIER_WEIGHT]
-
-
-def _count_pairs(scans: Scans) -> int:
-    return len(scans.points) * (len(scans.points) - 1) // 2
 
 
 def _span(count: int, pairs: Iterable[_Pair]) -> tuple[FloatArray, list[list[int]]]:

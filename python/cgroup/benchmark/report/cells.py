@@ -1,16 +1,13 @@
 """Tables of the report: cells, and rows declared by a group of rows and columns of numbers."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
+
+import pandas as pd
 
 from cgroup.plots.style import METHOD_STYLES, method_style
-
-if TYPE_CHECKING:  # slow to load
-    import pandas as pd
 
 MISSING = "-"
 """Text of cells without a value."""
@@ -49,14 +46,6 @@ class Table:
         shown = (all(not cell.text.strip(_DIGITS) for cell in column) for column in self._columns())
         return [digits and by_number for digits, by_number in zip(shown, self.numeric, strict=True)]
 
-    @property
-    def descending(self) -> list[bool]:
-        """For each column, whether the first click sorts the largest first: numbers except ranks and p."""
-        return [
-            number and header not in {"rank", "p"}
-            for number, header in zip(self.numeric, self.headers, strict=True)
-        ]
-
     def _columns(self) -> list[tuple[Cell, ...]]:
         return list(zip(*self.rows, strict=True)) if self.rows else [()] * len(self.headers)
 
@@ -80,7 +69,7 @@ def method_cell(method: str) -> Cell:
     return Cell(method_style(method).label, float(order))
 
 
-Columns = Mapping[str, "Callable[[pd.DataFrame], Cell]"]
+Columns = Mapping[str, Callable[[pd.DataFrame], Cell]]
 """Headers, and functions from the rows of one group to a cell."""
 
 
@@ -133,3 +122,47 @@ def milliseconds(seconds: float) -> Cell:
     """Return a cell of milliseconds."""
     value = 1e3 * seconds
     return number(value, "{:,.0f}" if value >= 100 else "{:.3g}")
+
+
+def dataset_table(frame: pd.DataFrame, known: pd.DataFrame) -> Table:
+    """Tabulate the data sets of the experiments."""
+    about = known.set_index("name").to_dict("index")
+
+    def fact(rows: pd.DataFrame, name: str) -> Cell:
+        return words(about.get(rows["dataset"].iloc[0], {}).get(name, MISSING))
+
+    def origins(rows: pd.DataFrame) -> Cell:
+        counts = rows.drop_duplicates("pair").groupby("origin").size()
+        return words(", ".join(f"{origin} ({count})" for origin, count in counts.items()))
+
+    columns = {
+        "data set": lambda rows: fact(rows, "title"),
+        "role": lambda rows: fact(rows, "role"),
+        "origin (pairs)": origins,
+        "pairs": lambda rows: number(rows["pair"].nunique(), "{:.0f}"),
+        "cases": lambda rows: number(rows["case"].nunique(), "{:.0f}"),
+        "mean matches": lambda rows: number(rows.drop_duplicates("case")["n"].mean(), "{:.0f}"),
+        "citation": lambda rows: fact(rows, "citation"),
+    }
+    return tabulate("Data sets", frame, {"dataset": "name"}, columns)
+
+
+def failure_table(frames: Iterable[pd.DataFrame]) -> Table:
+    """Tabulate errors."""
+    columns = {
+        "methods or solvers": lambda rows: words(
+            ", ".join(method_style(name).label for name in rows["method"].unique())
+        ),
+        "cases": lambda rows: number(rows["case"].nunique(), "{:.0f}"),
+        "for example": lambda rows: words(rows["pair"].iloc[0]),
+    }
+    by = {"dataset": "data set", "error": "error"}
+    failed = [each[each["error"] != ""] for each in frames if len(each)]
+    found = [tabulate("Failures", each, by, columns) for each in failed]
+    return Table("Failures", (*by.values(), *columns), [row for each in found for row in each.rows])
+
+
+def plain_table(caption: str, frame: pd.DataFrame) -> Table:
+    """Tabulate a frame as it is."""
+    rows = [tuple(words(value) for value in row) for row in frame.itertuples(index=False)]
+    return Table(caption, tuple(map(str, frame.columns)), rows)

@@ -1,24 +1,29 @@
-"""Interactive charts of the page, as numbers for plotly."""
-
-from __future__ import annotations
+"""Charts of the report: as figures in files, and as numbers for plotly in the page."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from html import escape
-from typing import TYPE_CHECKING, Any
+from io import BytesIO
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
 
+from cgroup.benchmark.report.cells import Table
 from cgroup.benchmark.stats import bootstrap, name_units
 from cgroup.evaluation.bins import LEAST_PAIRS
+from cgroup.io import write_file
+from cgroup.io.result_folders import make_folder
 from cgroup.pages.page import chart_html
 from cgroup.plots.charts import Chart
 from cgroup.plots.experiments import Estimate
-from cgroup.plots.style import MethodStyle
+from cgroup.plots.style import MethodStyle, method_styles
 
-if TYPE_CHECKING:  # slow to load
-    import pandas as pd
+RESOLUTION = 150
+"""Dots per inch of PNG files."""
 
 _DIGITS = 5  # of numbers in the page
 
@@ -35,11 +40,6 @@ class PageChart:
     alt: str
     chart: Chart
     files: tuple[str, ...] = ()
-
-    @property
-    def titles(self) -> list[str]:
-        """Titles of the panels, for the buttons that show them."""
-        return [panel.title for panel in self.chart.panels]
 
     @property
     def has_intervals(self) -> bool:
@@ -72,6 +72,50 @@ class PageChart:
         )
 
 
+class Section(NamedTuple):
+    """A part of the report: a chart if there is one, and tables. `label` describes the data."""
+
+    title: str
+    tables: list[Table]
+    chart: PageChart | None = None
+    anchor: str = ""
+    label: str = ""
+
+
+class FigureFiles:
+    """Saves figures of charts in a folder.
+
+    `begin` is called with the name of each figure. `methods` are all methods of the report; `styles` has the
+    looks of each in all figures and charts.
+    """
+
+    def __init__(self, folder: Path, begin: Callable[[str], Any], methods: Iterable[str]) -> None:
+        self.styles = method_styles(methods)
+        self._folder = folder
+        self._begin = begin
+        make_folder(folder)
+
+    def draw(self, name: str, alt: str, chart: Chart, title: str, *, columns: int = 3) -> PageChart:
+        """Save a figure of a chart; return the chart for the page."""
+        self.save(name, chart.draw(title, columns=columns))
+        return PageChart(name, alt, chart, (name,))
+
+    def save(self, name: str, figure: Figure) -> str:
+        """Save a figure as PNG and PDF; return its name."""
+        self._begin(f"figure {name}")
+        write_file(self._folder / f"{name}.png", _render_figure(figure, "png"))
+        figure.set_layout_engine("none")  # a second layout would take as long as drawing
+        # A date would make every file of the same figure different.
+        write_file(self._folder / f"{name}.pdf", _render_figure(figure, "pdf", {"CreationDate": None}))
+        return name
+
+
+def _render_figure(figure: Figure, kind: str, metadata: dict[str, Any] | None = None) -> bytes:
+    buffer = BytesIO()
+    figure.savefig(buffer, format=kind, dpi=RESOLUTION, metadata=metadata)
+    return buffer.getvalue()
+
+
 def estimate_with_intervals(rows: pd.DataFrame, columns: Sequence[str]) -> dict[str, dict[str, Estimate]]:
     """Return means over pairs with their intervals; without intervals for too few pairs."""
     pairs = rows[["dataset", "pair"]].drop_duplicates()
@@ -91,7 +135,6 @@ def estimate_with_intervals(rows: pd.DataFrame, columns: Sequence[str]) -> dict[
 
 
 def _name_look(look: MethodStyle) -> dict[str, Any]:
-    """Return a look by the names of plotly."""
     dash = "solid" if look.dashes == "-" else "dash"
     return {"label": look.label, "color": look.color, "symbol": look.symbol, "dash": dash, "size": look.size}
 

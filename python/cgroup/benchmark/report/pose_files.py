@@ -3,22 +3,17 @@
 The true poses are beside them in ``SET/truth/SCENE/gt.log``. The pose of a line ``i j`` maps cloud j into i.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from cgroup.io import write_file
 from cgroup.io.result_folders import make_folder
 from cgroup.io.transforms import format_log
 from cgroup.types import FloatArray
-
-if TYPE_CHECKING:  # slow to load
-    import pandas as pd
 
 TRUTH = "truth"
 """Folder of the true poses, beside those of the methods."""

@@ -1,12 +1,10 @@
 """Section of the report on grouping methods run alone on matches: rankings, levels, costs, and failures."""
 
-from __future__ import annotations
-
 import itertools
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import pandas as pd
 
 from cgroup.benchmark.problem import COMBINATIONS
 from cgroup.benchmark.report.cells import (
@@ -20,13 +18,9 @@ from cgroup.benchmark.report.cells import (
     tabulate,
     words,
 )
-from cgroup.benchmark.report.charts import PageChart, estimate_with_intervals
-from cgroup.benchmark.report.pictures import PictureBook
+from cgroup.benchmark.report.charts import FigureFiles, Section, estimate_with_intervals
 from cgroup.benchmark.stats import LEVEL, Interval, comparable, rank_methods
 from cgroup.plots.experiments import protocol_title, trials_chart
-
-if TYPE_CHECKING:  # slow to load
-    import pandas as pd
 
 _BY = {"method": "method"}
 
@@ -43,58 +37,36 @@ _OVERLAPS = (0.0, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0)
 """Limits of the classes of overlap."""
 
 
-@dataclass(frozen=True)
-class TrialSection:
-    """Methods compared on one set of problems.
-
-    `label` names all that the numbers depend on. `chart` is None without problems that have an answer.
-    `levels` is None where no level is known.
-    """
-
-    title: str
-    label: str
-    chart: PageChart | None
-    ranking: Table
-    levels: Table | None
-    costs: Table
-    failures: Table
-
-    @property
-    def tables(self) -> list[Table]:
-        """All tables, in order."""
-        return [each for each in (self.ranking, self.levels, self.costs, self.failures) if each is not None]
-
-
 def make_trial_sections(
-    frame: pd.DataFrame, machines: pd.DataFrame, pictures: PictureBook | None
-) -> list[TrialSection]:
-    """Make a section per set; without charts if there are no `pictures`."""
+    frame: pd.DataFrame, machines: pd.DataFrame, figures: FigureFiles | None
+) -> list[Section]:
+    """Make a section per set; without charts if `figures` is None."""
     if frame.empty:
         return []
     return [
-        _make_section(str(name), rows, machines, pictures) for name, rows in frame.groupby("set", sort=False)
+        _make_section(str(name), rows, machines, figures) for name, rows in frame.groupby("set", sort=False)
     ]
 
 
 def _make_section(
-    name: str, rows: pd.DataFrame, machines: pd.DataFrame, pictures: PictureBook | None
-) -> TrialSection:
+    name: str, rows: pd.DataFrame, machines: pd.DataFrame, figures: FigureFiles | None
+) -> Section:
     first = with_fewest_threads(rows)
     related = comparable(first)
     chart = None
-    if pictures is not None and len(related):
-        drawn = trials_chart(related, pictures.styles, estimate_with_intervals)
+    if figures is not None and len(related):
+        drawn = trials_chart(related, figures.styles, estimate_with_intervals)
         shares = related.groupby("method")["right"].mean()
         alt = (
             f"Share of registered problems of {len(shares)} methods over their median time; "
             f"{method_cell(shares.idxmax()).text} has the most, {shares.max():.2f}."
         )
         anchor = "".join(c if c.isalnum() else "-" for c in name).lower()
-        figure = drawn.draw(f"{name}: registered problems over time", columns=2)
-        file = pictures.save(f"trials-{anchor}", figure)
-        chart = PageChart(file, alt, drawn, (file,))
-    tables = ranking(first), level_table(related), cost_table(rows), failure_table(first)
-    return TrialSection(name, describe_set(rows, machines), chart, *tables)
+        title = f"{name}: registered problems over time"
+        chart = figures.draw(f"trials-{anchor}", alt, drawn, title, columns=2)
+    tables = (ranking(first), level_table(related), cost_table(rows), failure_table(first))
+    shown = [table for table in tables if table is not None and table.rows]
+    return Section(name, shown, chart, label=describe_set(rows, machines))
 
 
 def with_fewest_threads(rows: pd.DataFrame) -> pd.DataFrame:
@@ -132,17 +104,16 @@ def ranking(rows: pd.DataFrame) -> Table:
             *(number(means.loc[rank.method, name]) for name in ("precision", "recall")),
             _show(rank.registered, best=rank.registered_tied),
             *(number(means.loc[rank.method, name]) for name in ("accurate", "registered")),
-            words(", ".join(_list_ties(rank.f_tied, rank.registered_tied)) or MISSING),
+            words(
+                ", ".join(itertools.compress(("F", "registered"), (rank.f_tied, rank.registered_tied)))
+                or MISSING
+            ),
         )
         for place, rank in enumerate(rank_methods(rows), start=1)
     ]
     headers = ("rank", "method", "F", "P", "R", "registered", "accurate", "P > 0.1", "tied with the first in")
     caption = f"Ranking by F, with {LEVEL:.0%} intervals (bootstrap over problems; ties: paired tests, Holm)"
     return Table(caption, headers, lines)
-
-
-def _list_ties(f_tied: bool, registered_tied: bool) -> list[str]:  # noqa: FBT001 - two of a kind
-    return [name for name, tied in (("F", f_tied), ("registered", registered_tied)) if tied]
 
 
 def _show(interval: Interval, *, best: bool) -> Cell:
@@ -227,7 +198,6 @@ def level_table(related: pd.DataFrame) -> Table | None:
 
 
 def _spread(related: pd.DataFrame, column: str, others: list[str]) -> Table:
-    """Spread mean F over the values of one column."""
     values = dict.fromkeys(related[column])
     levels = list(values) if column in {"scene", "frames"} else sorted(values)
     lines: list[tuple[Cell, ...]] = []
@@ -256,20 +226,6 @@ def _name_level(value: object) -> str:
     return f"{value:,g}" if isinstance(value, (int, float)) else str(value)
 
 
-def as_markdown(overview: Table, sections: Sequence[TrialSection]) -> str:
-    """Return an overview and sections as Markdown."""
-    parts = ["## All sets", _table_as_markdown(overview)]
-    for section in sections:
-        parts += [f"## {section.title}", section.label, *map(_table_as_markdown, section.tables)]
-    return "\n\n".join(parts) + "\n"
-
-
-def _table_as_markdown(table: Table) -> str:
-    rows = [table.headers, tuple("---" for _ in table.headers)]
-    rows += [tuple(f"**{cell.text}**" if cell.best else cell.text for cell in row) for row in table.rows]
-    return "\n".join([f"{table.caption}:", "", *(f"| {' | '.join(row)} |" for row in rows)])
-
-
 def describe_set(rows: pd.DataFrame, machines: pd.DataFrame) -> str:
     """Return all that the numbers of a set depend on, in a sentence."""
     problems = rows.drop_duplicates("case")
@@ -293,10 +249,5 @@ def describe_set(rows: pd.DataFrame, machines: pd.DataFrame) -> str:
 def _name_matches(rows: pd.DataFrame) -> str:
     chosen = rows["voxel"].isna().all()
     voxels = "voxels chosen per pair" if chosen else f"voxels of {rows['voxel'].iloc[0]:g}"
-
-    def name(kind: str) -> str:
-        if not kind:
-            return "ready-made matches"
-        return "+".join(COMBINATIONS[kind]).upper() if kind in COMBINATIONS else f"FPFH {kind}, {voxels}"
-
-    return ", ".join(map(name, dict.fromkeys(rows["matches"])))
+    names = {"": "ready-made matches"} | {key: "+".join(two).upper() for key, two in COMBINATIONS.items()}
+    return ", ".join(names.get(kind, f"FPFH {kind}, {voxels}") for kind in dict.fromkeys(rows["matches"]))

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Generator, Iterable, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
+from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -47,11 +48,7 @@ _DONE = {
 """Names of the results of each kind."""
 
 _VERDICT_COLORS = {"confirmed": "green", "partly": "yellow", "not confirmed": "red"}
-_CLAIMS = (
-    Column("claim", is_text=True),
-    Column("verdict", is_text=True),
-    Column("the paper says", is_text=True),
-)
+_CLAIMS = tuple(Column(header, is_text=True) for header in ("claim", "verdict", "the paper says"))
 _FAILURES_SHOWN = 10
 _INDENT = " " * 15
 
@@ -59,11 +56,7 @@ Backend = Literal["processes", "dask", "threading"]
 Format = Literal["table", "markdown"]
 
 
-_RECORDS = "Folder of the records and everything made from them."
-_OUT = folder("benchmark", _RECORDS, OUTPUT)
-_DATA = option(None, "FOLDER", "Folder with the data sets.", None, "$CGROUP_DATA")
-_FORMAT = choice("table", Format, "How to print them.", OUTPUT)
-_RETRY = flag("--retry-failed", "Run failed problems again.", None)
+_OUT = folder("benchmark", "Folder of the records and everything made from them.", OUTPUT)
 
 app = make_app(
     help="Run the paper's evaluation, draw its figures and check its claims.",
@@ -99,7 +92,7 @@ def _needs_extra() -> Generator[None, None, None]:
 def _print_summary(document: Document) -> None:
     done, out = document["results"], document["options"]["out"]
     _print_counts(done)
-    print_line(f"took {_format_duration(done['seconds'])}; records are in {out}/")
+    print_line(f"took {timedelta(seconds=round(done['seconds']))}; records are in {out}/")
     if done["failed"]:
         wanted = sum(count["wanted"] for count in done["counts"].values())
         print_line(f"{done['failed']} of {wanted} failed; see: cgroup benchmark status --out {out}")
@@ -110,18 +103,8 @@ def _print_counts(found: Mapping[str, Any]) -> None:
         if count["wanted"]:
             failed = f", {count['failed']} failed" if count["failed"] else ""
             print_line(f"{_DONE[stage]:<14} {count['done']} of {count['wanted']}{failed}")
-    _print_left_out(found["left_out"])
-
-
-def _print_left_out(left_out: Mapping[str, str]) -> None:
-    for name, why in left_out.items():
+    for name, why in found["left_out"].items():
         print_prose(f"left out       {name}: {why}", _INDENT)
-
-
-def _format_duration(seconds: float) -> str:
-    minutes, rest = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours} h {minutes} min" if hours else f"{minutes} min {rest} s" if minutes else f"{rest} s"
 
 
 @command(
@@ -138,7 +121,7 @@ def run_command(
         "CONFIG", "TOML file, or a preset: see `cgroup benchmark presets`.", autocompletion=complete_presets
     ),
     *,
-    data: Path | None = _DATA,
+    data: Path | None = option(None, "FOLDER", "Folder with the data sets.", None, "$CGROUP_DATA"),
     out: Path = _OUT,
     backend: Backend = choice(
         "processes",
@@ -150,7 +133,7 @@ def run_command(
     scheduler: str | None = option(
         None, "ADDRESS", "Address of the Dask scheduler.", "Workers", "$DASK_SCHEDULER_ADDRESS"
     ),
-    retry_failed: bool = _RETRY,
+    retry_failed: bool = flag("--retry-failed", "Run failed problems again.", None),
     methods: str | None = option(
         None,
         "NAMES",
@@ -230,12 +213,13 @@ def _print_status(document: Document) -> None:
 def status_command(out: Path = _OUT) -> Document:
     """Show progress and failures of a run."""
     from cgroup.benchmark import tables  # noqa: PLC0415 - slow to load
+    from cgroup.benchmark.store import read_plan  # noqa: PLC0415
 
     keys = ("method", "error", "times")
     failures = [dict(zip(keys, row, strict=True)) for row in tables.load_failures(out)]
     results = {
         "counts": {stage: count._asdict() for stage, count in tables.load_counts(out).items()},
-        "left_out": tables.load_missing(out),
+        "left_out": read_plan(out, "missing"),
         "failures": failures,
     }
     return {"options": {"out": out}, "results": results}
@@ -271,13 +255,13 @@ def _print_written(document: Document) -> None:
 
 @command(app, "report", "cgroup benchmark report --out smoke", show=_print_written)
 @_needs_extra()
-def report_command(*, out: Path = _OUT, data: Path | None = _DATA) -> Document:
+def report_command(out: Path = _OUT) -> Document:
     """Write report.html, the figures and claims.md."""
     check_folder(out)
     with show_stages() as begin:
         from cgroup.benchmark.report import write_report  # noqa: PLC0415 - slow to load
 
-        page = write_report(out, root=data, progress=begin)
+        page = write_report(out, progress=begin)
     return {"options": {"out": out}, "files": [page, out / "claims.md", out / "figures"]}
 
 
@@ -328,7 +312,7 @@ def _print_claim(claim: Verdict) -> None:
 def claims_command(
     *,
     out: Path = _OUT,
-    format: Format = _FORMAT,  # noqa: A002, ARG001 - the option's name; what shows the claims takes it
+    format: Format = choice("table", Format, "How to print them.", OUTPUT),  # noqa: A002, ARG001 - for `show`
 ) -> Document:
     """Check the paper's statements against the records."""
     with show_stages() as begin:
@@ -351,20 +335,9 @@ def claims_command(
 # --- rankings ------------------------------------------------------------------------------------
 
 
-@command(
-    app,
-    "rankings",
-    "cgroup benchmark rankings --out matches",
-    "cgroup benchmark rankings --out matches --format markdown > rankings.md",
-)
+@command(app, "rankings", "cgroup benchmark rankings --out matches")
 @_needs_extra()
-def rankings_command(
-    *,
-    out: Path = _OUT,
-    format: Format = _FORMAT,  # noqa: A002 - the option's name
-    as_json: bool = JSON,
-    wide: bool = WIDE,
-) -> Document | None:
+def rankings_command(*, out: Path = _OUT, as_json: bool = JSON, wide: bool = WIDE) -> Document | None:
     """Print rankings of grouping methods on matches."""
     from cgroup.benchmark import tables  # noqa: PLC0415 - slow to load
     from cgroup.benchmark.report import trials as report  # noqa: PLC0415
@@ -383,13 +356,8 @@ def rankings_command(
                 for rank in ranks
             ]
         return {"options": {"out": out}, "results": {"sets": sets}}
-    overview = report.overview_table(trials)
-    sections = report.make_trial_sections(trials, tables.load_machines(out), None)
-    if format == "markdown":
-        print_text(report.as_markdown(overview, sections).rstrip())
-        return None
-    _print_tables("All sets", "", [overview], wide=wide)
-    for section in sections:
+    _print_tables("All sets", "", [report.overview_table(trials)], wide=wide)
+    for section in report.make_trial_sections(trials, tables.load_machines(out), None):
         _print_tables(section.title, section.label, section.tables, wide=wide)
     return None
 

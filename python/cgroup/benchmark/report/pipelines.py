@@ -1,30 +1,14 @@
-"""Section of the report on pipelines that register two clouds."""
-
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, NamedTuple
+"""Sections of the report on pipelines that register two clouds or many scans."""
 
 import numpy as np
+import pandas as pd
 
 from cgroup.benchmark.report.cells import MISSING, Cell, Table, median, number, share, tabulate
-from cgroup.benchmark.report.charts import PageChart, estimate_with_intervals
-from cgroup.benchmark.report.pictures import PictureBook
-from cgroup.plots.experiments import pipelines_chart
-
-if TYPE_CHECKING:  # slow to load
-    import pandas as pd
-
-STAGES = {
-    "features": (
-        *("features", "size", "voxels", "normals", "frames", "descriptors", "surface"),
-        *("resolution", "keypoints"),
-    ),
-    "matching": ("matching",),
-    "pose": ("pose", "grouping"),
-    "verification": ("verification",),
-    "refinement": ("refinement",),
-}
-"""Columns of times, and the last words of the stages in each."""
+from cgroup.benchmark.report.charts import FigureFiles, Section, estimate_with_intervals
+from cgroup.evaluation import ecdf
+from cgroup.evaluation.scene_scores import ROTATION_LIMITS, TRANSLATION_LIMITS
+from cgroup.plots.experiments import pipelines_chart, scenes_chart
+from cgroup.types import FloatArray
 
 _ELLIPSOID = 12.59
 """95th percentile of chi-squared with 6 degrees of freedom."""
@@ -33,17 +17,7 @@ _BY = {"method": "pipeline"}
 _BY_SET = {"set": "set", "method": "pipeline"}
 
 
-class RegistrationSection(NamedTuple):
-    """Chart and tables that compare pipelines."""
-
-    chart: PageChart
-    answers: Table
-    trust: Table
-    calibration: Table
-    details: Table
-
-
-def make_registration_section(frame: pd.DataFrame, pictures: PictureBook) -> RegistrationSection | None:
+def make_registration_section(frame: pd.DataFrame, figures: FigureFiles) -> Section | None:
     """Make the section; None without results on related pairs."""
     if frame.empty or not (frame["kind"] == "related").any():
         return None
@@ -57,14 +31,9 @@ def make_registration_section(frame: pd.DataFrame, pictures: PictureBook) -> Reg
         f"Share of correct poses of {len(shares)} pipelines by overlap, by reported probability, and over "
         f"time; over all pairs {shares.idxmax()} has the most, {shares.max():.2f}."
     )
-    file = pictures.save("registration", chart.draw(f"Registered pairs: {title}"))
-    return RegistrationSection(
-        PageChart(file, alt, chart, (file,)),
-        answer_table(related),
-        trust_table(good),
-        calibration_table(good),
-        detail_table(related),
-    )
+    drawn = figures.draw("registration", alt, chart, f"Registered pairs: {title}")
+    tables = [answer_table(related), trust_table(good), calibration_table(good), detail_table(related)]
+    return Section("Registration of whole clouds", tables, drawn)
 
 
 def answer_table(related: pd.DataFrame) -> Table:
@@ -140,15 +109,6 @@ def calibration_table(frame: pd.DataFrame) -> Table:
 def detail_table(related: pd.DataFrame) -> Table:
     """Tabulate errors and times."""
 
-    def stage_median(rows: pd.DataFrame, stage: str) -> Cell:
-        """Return the median of the summed seconds of the stages in a column."""
-        endings = STAGES[stage]
-        times = [
-            [seconds for name, seconds in of_pair.items() if name.endswith(endings)]
-            for of_pair in rows["stages"]
-        ]
-        return number(1e3 * float(np.median([sum(each) for each in times])) if any(times) else None, "{:.0f}")
-
     def right(rows: pd.DataFrame) -> pd.DataFrame:
         return rows[rows["right"]].assign(shift=lambda chosen: chosen["translation_error"] / chosen["voxel"])
 
@@ -156,7 +116,71 @@ def detail_table(related: pd.DataFrame) -> Table:
         "right": lambda rows: number(len(right(rows)), "{:.0f}"),
         "rotation (degrees)": lambda rows: median("rotation_error", "{:.2f}")(right(rows)),
         "translation (voxels)": lambda rows: median("shift", "{:.2f}")(right(rows)),
-        **{f"{stage} (ms)": lambda rows, stage=stage: stage_median(rows, stage) for stage in STAGES},
         "total (ms)": median("seconds", "{:.0f}", 1e3),
     }
     return tabulate("Median errors of correct poses, and median times of all", related, _BY_SET, columns)
+
+
+def make_scene_section(frame: pd.DataFrame, figures: FigureFiles) -> Section | None:
+    """Make the section; None without results."""
+    good = frame[frame["error"] == ""] if len(frame) else frame
+    if good.empty:
+        return None
+    sizes = good.drop_duplicates(["set", "pair"]).groupby("set", sort=False)["scans"].sum()
+    title = ", ".join(f"{name} ({size})" for name, size in sizes.items())
+    chart = scenes_chart(good)
+    shares = {
+        name: ecdf(np.concatenate(rows["rotation"].tolist()), ROTATION_LIMITS[:1])[0]
+        for name, rows in good.groupby("method", sort=False)
+    }
+    best = max(shares, key=lambda name: shares[name])
+    alt = (
+        f"Share of pairs of scans up to each error, of {len(shares)} pipelines for many scans; over all sets "
+        f"{best} has the most within {ROTATION_LIMITS[0]:g} degrees, {shares[best]:.2f}."
+    )
+    drawn = figures.draw("scenes", alt, chart, f"Many scans: {title}", columns=2)
+    return Section("Many scans", [scene_table(good)], drawn)
+
+
+def scene_table(good: pd.DataFrame) -> Table:
+    """Tabulate components, errors of every two scans of one place, and costs; seeds are taken together."""
+
+    def fraction(rows: pd.DataFrame, part: str, whole: str) -> Cell:
+        done, wanted = int(rows[part].sum()), int(rows[whole].sum())
+        return Cell(f"{done} of {wanted}", done / max(wanted, 1))
+
+    def errors(rows: pd.DataFrame, column: str) -> FloatArray:
+        return np.concatenate(rows[column].tolist())
+
+    def known(rows: pd.DataFrame, column: str) -> FloatArray:
+        """Return the errors of pairs in one component."""
+        every = errors(rows, column)
+        finite = every[np.isfinite(every)]
+        return finite if len(finite) else np.array([np.nan])
+
+    def within(rows: pd.DataFrame, column: str, limits: tuple[float, ...]) -> Cell:
+        shares = 100 * ecdf(errors(rows, column), limits)
+        return Cell(" ".join(f"{share:.0f}" for share in shares), float(shares[0]))
+
+    def limits_of(limits: tuple[float, ...]) -> str:
+        return "/".join(f"{limit:g}" for limit in limits)
+
+    columns = {
+        "components right": lambda rows: fraction(rows, "right", "wanted"),
+        "mixed": lambda rows: number(rows["mixed"].sum(), "{:.0f}"),
+        "placed": lambda rows: fraction(rows, "placed", "scans"),
+        "median degrees": lambda rows: number(float(np.median(known(rows, "rotation"))), "{:.3g}"),
+        "largest degrees": lambda rows: number(float(known(rows, "rotation").max()), "{:.3g}"),
+        "median shift": lambda rows: number(float(np.median(known(rows, "translation"))), "{:.3g}"),
+        "largest shift": lambda rows: number(float(known(rows, "translation").max()), "{:.3g}"),
+        f"% within {limits_of(ROTATION_LIMITS)} degrees": lambda rows: within(
+            rows, "rotation", ROTATION_LIMITS
+        ),
+        f"% within {limits_of(TRANSLATION_LIMITS)} shift": lambda rows: within(
+            rows, "translation", TRANSLATION_LIMITS
+        ),
+        "pairs tried": lambda rows: number(rows["tried"].sum(), "{:.0f}"),
+        "s": median("seconds", "{:.1f}"),
+    }
+    caption = "Components, errors, registered pairs of scans, and seconds"
+    return tabulate(caption, good, {"set": "set", "method": "solver"}, columns)
