@@ -39,7 +39,7 @@ from cgroup.pages.page import page_html, write_page
 REPORT, CLAIMS, FIGURES, POSES = "report.html", "claims.md", "figures", "poses"
 """Files and folders that `write_report` writes."""
 
-HEADING = re.compile(r'<h2 id="([^"]+)">(.*?)</h2>')
+_HEADING = re.compile(r'<h2 id="([^"]+)">(.*?)</h2>')
 
 
 class ReportData(NamedTuple):
@@ -140,7 +140,6 @@ def _render(data: ReportData, verdicts: list[Verdict], **parts: Any) -> str:  # 
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["headings"] = HEADING.findall
     frame = data.results["experiment"]
     return environment.get_template("body.html.j2").render(
         config=data.config,
@@ -157,6 +156,7 @@ def _render(data: ReportData, verdicts: list[Verdict], **parts: Any) -> str:  # 
         counts=count_verdicts(verdicts),
         criteria=CRITERIA.strip(),
         titles=EXPERIMENTS,
+        headings=_HEADING.findall,
         **parts,
     )
 

@@ -50,8 +50,8 @@ def _describe_front(sample: Sample) -> str:
     changes: dict[str, object] = {}
     for text in set(sample.rows["front"]) - {""}:
         changes |= json.loads(text)
-    told = ", ".join(f"{name} {json.dumps(value)}" for name, value in sorted(changes.items()))
-    return f"; front end: {told}".replace('"', "") if told else ""
+    shown = ", ".join(f"{name} {json.dumps(value)}" for name, value in sorted(changes.items()))
+    return f"; front end: {shown}".replace('"', "") if shown else ""
 
 
 def _make_section(sample: Sample, anchor: str, title: str, figures: FigureFiles) -> Section:
@@ -100,15 +100,15 @@ def chart_times(timing: pd.DataFrame, figures: FigureFiles) -> Section | None:
         return None
     fitted = tables.exponents(timing).set_index("method")["exponent"].to_dict()
     sources = ", ".join(timing["dataset"].unique())
-    told: dict[str, Any] = {"exponents": fitted, "complexities": PAPER_COMPLEXITY, "styles": figures.styles}
-    file = figures.save("time", draw_times(times, **told, title=f"Time per grouping, {sources}"))
+    shown: dict[str, Any] = {"exponents": fitted, "complexities": PAPER_COMPLEXITY, "styles": figures.styles}
+    file = figures.save("time", draw_times(times, **shown, title=f"Time per grouping, {sources}"))
     last = times.iloc[-1].dropna()
     alt = (
         f"Mean time of {len(times.columns)} methods over the number of matches of {sources}, logarithmic "
         f"axes; at n {times.index[-1]:,} {method_style(last.idxmin()).label} is the fastest, "
         f"{method_style(last.idxmax()).label} the slowest."
     )
-    chart = PageChart(file, alt, times_chart(times, **told), (file,))
+    chart = PageChart(file, alt, times_chart(times, **shown), (file,))
     return Section("Time", [timing_table(times, fitted)], chart)
 
 
