@@ -1,7 +1,6 @@
 """Clouds as trimesh and pypcd4 read them: what the package's own readers are held against."""
 
 import io
-import itertools
 import re
 from collections.abc import Callable
 from typing import Any
@@ -37,8 +36,7 @@ def parse_text(content: bytes) -> PointCloud:
 
 def parse_ply(content: bytes) -> PointCloud:
     """Read vertices, their normals and colours, and faces."""
-    shorter = io.BytesIO(_points_and_faces(content))
-    loaded = load_ply(shorter, fix_texture=False, skip_materials=True)
+    loaded = load_ply(io.BytesIO(content), fix_texture=False, skip_materials=True)
     elements = loaded["metadata"]["_ply_raw"]
     for name in ("vertex", "face"):
         declared = elements.get(name, {}).get("length", 0)
@@ -47,20 +45,6 @@ def parse_ply(content: bytes) -> PointCloud:
             message = f"{name} {found} of {declared} is the last"
             raise ValueError(message)
     return _from_trimesh(loaded)
-
-
-def _points_and_faces(content: bytes) -> bytes:
-    """Leave out what follows the faces of an ASCII PLY, such as a range grid: trimesh takes long over it."""
-    header, _, body = content.partition(b"end_header")
-    if b"format ascii" not in header:
-        return content
-    elements = list(re.finditer(rb"^element[ \t]+(\w+)[ \t]+(\d+)", header, re.MULTILINE))
-    wanted = list(itertools.takewhile(lambda element: element[1] in {b"vertex", b"face"}, elements))
-    if len(wanted) == len(elements):
-        return content
-    lines = sum(int(element[2]) for element in wanted)
-    kept = body.split(b"\n", lines + 1)[: lines + 1]
-    return header[: elements[len(wanted)].start()] + b"end_header" + b"\n".join(kept)
 
 
 def _rows(data: Any) -> int:

@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cloud_files import CLOUDS, TETRAHEDRON, las
+from test_io_hostile import assert_reading_is_interrupted
 
 from cgroup.errors import InputError
 from cgroup.io import read_cloud
 from cgroup.io.clouds import PARSERS
-from interrupts import interrupt, posix_only
+from interrupts import posix_only
 
 laspy = pytest.importorskip("laspy", reason="laspy isn't installed")
 lazrs = pytest.importorskip("lazrs", reason="lazrs isn't installed")
@@ -147,22 +148,4 @@ def test_records_that_nobody_needs_are_not_read(tmp_path: Path) -> None:
 def test_reading_laz_is_interrupted(tmp_path: Path) -> None:
     points = np.random.default_rng(1).integers(256, size=50_000 * 20, dtype=np.uint8)
     (tmp_path / "a.laz").write_bytes(repeated_chunks(20, points))
-    program = f"""
-import threading
-import cgroup.io.clouds as formats
-from cgroup._checks.values import run_options
-
-entered = threading.Event()
-def look(share):
-    if not entered.is_set():
-        entered.set()
-        print("parsing", flush=True)
-
-formats.run_options = lambda **_: run_options(threads=1, progress=look)
-try:
-    while True:
-        formats.read_cloud({str(tmp_path / "a.laz")!r})
-except KeyboardInterrupt:
-    print("interrupted")
-"""
-    assert interrupt(program, after="parsing") == "interrupted\n"
+    assert_reading_is_interrupted(tmp_path / "a.laz")

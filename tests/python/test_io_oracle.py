@@ -140,8 +140,6 @@ def test_own_files(
     "name",
     [
         "b3r/models/bunny.ply",
-        "stanford_views/bunny/bun045.ply",
-        "u3or/models/chicken3.ply",
         "u3or/models/cheff_small.ply",
         "lidar/small_gicp_source.ply",
         "u3or/pcl/rs1.pcd",

@@ -4,8 +4,6 @@ import base64
 import json
 import os
 import struct
-import subprocess
-import sys
 import zlib
 from collections.abc import Callable
 from pathlib import Path
@@ -23,7 +21,6 @@ from cgroup import features
 from cgroup.errors import InputError
 from cgroup.io import PointCloud, read_cloud, read_depth, write_cloud
 from cgroup.registration import prepare, register
-from interrupts import interrupt, posix_only
 
 HALF = 0.5**0.5
 TURNED = [[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]  # by 90 degrees about z
@@ -59,38 +56,29 @@ def full_cloud(count: int = 50) -> PointCloud:
 
 
 @pytest.mark.parametrize("dtype", ["float64", "float32"])
-@pytest.mark.parametrize("name", ["a.ply", "a.pcd"])
-def test_what_is_written_is_read_again(name: str, dtype: Any, tmp_path: Path) -> None:
+def test_we_and_others_read_what_is_written(dtype: Any, tmp_path: Path) -> None:
     cloud = full_cloud()
-    write_cloud(tmp_path / name, cloud, dtype=dtype)
-    again = read_cloud(tmp_path / name)
-    np.testing.assert_array_equal(again.points, cloud.points.astype(dtype))
-    np.testing.assert_array_equal(again.normals, cloud.normals.astype(dtype))
-    np.testing.assert_array_equal(again.colors, cloud.colors)
-    if name == "a.ply":
-        np.testing.assert_array_equal(again.faces, cloud.faces)
-    else:
-        np.testing.assert_array_equal(again.viewpoint, cloud.viewpoint)
-
-
-@pytest.mark.parametrize("dtype", ["float64", "float32"])
-def test_others_read_what_is_written(dtype: Any, tmp_path: Path) -> None:
-    cloud = full_cloud()
-    write_cloud(tmp_path / "a.pcd", cloud, dtype=dtype)
-    theirs = PcdCloud.from_path(tmp_path / "a.pcd")
+    ply, pcd = tmp_path / "a.ply", tmp_path / "a.pcd"
+    for path in (ply, pcd):
+        write_cloud(path, cloud, dtype=dtype)
+    theirs = PcdCloud.from_path(pcd)
     assert theirs.metadata.viewpoint == (1.0, -2.5, 1 / 3, 1.0, 0.0, 0.0, 0.0)
     assert theirs.types[0] == np.dtype(dtype)
-    np.testing.assert_array_equal(theirs.numpy(("x", "y", "z")), cloud.points.astype(dtype))
-    normals = theirs.numpy(("normal_x", "normal_y", "normal_z"))
-    np.testing.assert_array_equal(normals, cloud.normals.astype(dtype))
-    colors = PcdCloud.decode_rgb(theirs.numpy(("rgb",)).astype(np.float32).reshape(-1))
-    np.testing.assert_array_equal(colors, cloud.colors)
-    write_cloud(tmp_path / "a.ply", cloud, dtype=dtype)
-    mesh = trimesh.load(tmp_path / "a.ply", process=False)
-    np.testing.assert_array_equal(mesh.vertices, cloud.points.astype(dtype))
-    np.testing.assert_array_equal(mesh.vertex_normals, cloud.normals.astype(dtype))
-    np.testing.assert_array_equal(mesh.visual.vertex_colors[:, :3], cloud.colors)
+    mesh = trimesh.load(ply, process=False)
     np.testing.assert_array_equal(mesh.faces, cloud.faces)
+    np.testing.assert_array_equal(read_cloud(ply).faces, cloud.faces)
+    np.testing.assert_array_equal(read_cloud(pcd).viewpoint, cloud.viewpoint)
+    of_pcd = (
+        theirs.numpy(("x", "y", "z")),
+        theirs.numpy(("normal_x", "normal_y", "normal_z")),
+        PcdCloud.decode_rgb(theirs.numpy(("rgb",)).astype(np.float32).reshape(-1)),
+    )
+    of_ply = mesh.vertices, mesh.vertex_normals, mesh.visual.vertex_colors[:, :3]
+    ours = [(again.points, again.normals, again.colors) for again in map(read_cloud, (ply, pcd))]
+    for points, normals, colors in (of_pcd, of_ply, *ours):
+        np.testing.assert_array_equal(points, cloud.points.astype(dtype))
+        np.testing.assert_array_equal(normals, cloud.normals.astype(dtype))
+        np.testing.assert_array_equal(colors, cloud.colors)
 
 
 def test_single_precision_loses_no_digits_without_a_word(tmp_path: Path) -> None:
@@ -127,19 +115,13 @@ def test_voxels_keep_normals_and_colors(tmp_path: Path) -> None:
     np.testing.assert_array_equal(voxels.points, alone.points)
     np.testing.assert_array_equal(voxels.normals, alone.normals)
     assert alone.colors is None
-    assert features.voxel_downsample(cloud.points, 0.8).normals is None
     means = [cloud.colors[voxels.indices == row].astype(float).mean(axis=0) for row in range(len(voxels))]
     np.testing.assert_array_equal(voxels.colors, np.rint(means))
-    # A file, and the way back into one.
-    for name in ("a.pcd", "a.ply"):
-        write_cloud(tmp_path / name, cloud)
-        again = features.voxel_downsample(tmp_path / name, 0.8)
-        np.testing.assert_array_equal(again.colors, voxels.colors)
-        write_cloud(tmp_path / f"thin-{name}", again)
-        thin = read_cloud(tmp_path / f"thin-{name}")
-        np.testing.assert_array_equal(thin.points, voxels.points)
-        np.testing.assert_array_equal(thin.normals, voxels.normals)
-        np.testing.assert_array_equal(thin.colors, voxels.colors)
+    write_cloud(tmp_path / "a.pcd", cloud)
+    again = features.voxel_downsample(tmp_path / "a.pcd", 0.8)
+    np.testing.assert_array_equal(again.colors, voxels.colors)
+    write_cloud(tmp_path / "again.pcd", again)
+    np.testing.assert_array_equal(read_cloud(tmp_path / "again.pcd").colors, voxels.colors)
     with pytest.raises(InputError, match="4 for 500 points"):
         features.voxel_downsample(PointCloud(cloud.points, colors=cloud.colors[:4]), 0.8)
 
@@ -166,7 +148,7 @@ def test_colors_of_other_libraries_are_written(tmp_path: Path) -> None:
 def test_viewpoints_of_files_are_taken(tmp_path: Path) -> None:
     from cgroup.datasets import standin_pair  # noqa: PLC0415 - a second to draw
 
-    pair = standin_pair(pixels=60)
+    pair = standin_pair(pixels=45)
     away = np.eye(4)
     away[:3, 3] = [7, 8, 9]  # the origin can't be told from a place that isn't known
     clouds = {
@@ -219,6 +201,7 @@ def test_ptx(read: Read) -> None:
 # --- E57 -------------------------------------------------------------------------------------
 
 XYZ = {name: (FLOAT, TETRAHEDRON[:, i]) for i, name in enumerate(("cartesianX", "cartesianY", "cartesianZ"))}
+COLORS = ("colorRed", "colorGreen", "colorBlue")
 
 
 @pytest.mark.parametrize("bits", [0, 1, 7, 8, 13, 24, 31, 32, 33, 57, 58, 63, 64])
@@ -240,11 +223,8 @@ def XYZ_OF(count: int) -> dict[str, tuple[str, Any]]:  # noqa: N802 - as XYZ
 
 
 def test_e57(read: Read) -> None:
-    colors = {
-        "colorRed": (integer(0, 255), [0, 1, 254, 255]),
-        "colorGreen": (integer(0, 255), [9, 9, 9, 9]),
-        "colorBlue": (integer(0, 255), [0, 0, 0, 3]),
-    }
+    stored = ([0, 1, 254, 255], [9, 9, 9, 9], [0, 0, 0, 3])
+    colors = {name: (integer(0, 255), values) for name, values in zip(COLORS, stored, strict=True)}
     normals = {
         f"nor:normal{axis}": (SINGLE, column) for axis, column in zip("XYZ", np.eye(4)[:3], strict=True)
     }
@@ -267,8 +247,7 @@ def test_e57(read: Read) -> None:
     # Colours between limits: those of the scan, or those of the fields.
     deep = {name: (integer(0, 65535), [0, 257, 65535, 32896]) for name in colors}
     np.testing.assert_array_equal(read("a.e57", e57((XYZ | deep, ""))).colors[:, 0], [0, 1, 255, 128])
-    names = ("Red", "Green", "Blue")
-    limits = "".join(f"<color{n}Minimum/><color{n}Maximum>4095</color{n}Maximum>" for n in names)
+    limits = "".join(f"<{n}Minimum/><{n}Maximum>4095</{n}Maximum>" for n in COLORS)
     half = {name: (integer(0, 65535), [0, 4095, 5000, 2048]) for name in colors}
     cloud = read("a.e57", e57((XYZ | half, f"<colorLimits>{limits}</colorLimits>")))
     np.testing.assert_array_equal(cloud.colors[:, 0], [0, 255, 255, 128])
@@ -292,10 +271,7 @@ def test_e57_as_libe57_has_it(tmp_path: Path) -> None:
     with pye57.E57(str(tmp_path / "theirs.e57"), mode="w") as file:
         for count in (5, 20_000):
             data = {name: rng.normal(size=count) for name in XYZ}
-            data |= {
-                name: rng.integers(0, 256, count).astype(np.uint8)
-                for name in ("colorRed", "colorGreen", "colorBlue")
-            }
+            data |= {name: rng.integers(0, 256, count).astype(np.uint8) for name in COLORS}
             turn = rng.normal(size=4)
             file.write_scan_raw(data, rotation=turn / np.linalg.norm(turn), translation=rng.normal(size=3))
     ours = tmp_path / "ours.e57"
@@ -315,30 +291,26 @@ def test_e57_as_libe57_has_it(tmp_path: Path) -> None:
         points = np.concatenate([np.stack([scan[name] for name in XYZ], axis=1) for scan in scans])
         np.testing.assert_allclose(cloud.points, points, rtol=1e-12, atol=1e-12)
         if path != ours:
-            names = ("colorRed", "colorGreen", "colorBlue")
-            colors = np.concatenate([np.stack([scan[name] for name in names], axis=1) for scan in scans])
+            colors = np.concatenate([np.stack([scan[name] for name in COLORS], axis=1) for scan in scans])
             np.testing.assert_array_equal(cloud.colors, colors)
 
 
-def with_xml(before: bytes, after: bytes) -> bytes:
-    """The small file with other XML of the same length."""
-    plain = b"".join(E57[i : i + 1020] for i in range(0, len(E57), 1024))
-    assert plain.count(before) == 1
-    xml = plain.replace(before, after.ljust(len(before)))
-    return seal(b"".join(xml[i : i + 1020] + bytes(4) for i in range(0, len(xml), 1020)))
+def replace_in(file: bytes, *changes: tuple[bytes, bytes]) -> bytes:
+    """Replace parts of an E57 file by others of the same length."""
+    plain = b"".join(file[i : i + 1020] for i in range(0, len(file), 1024))
+    for before, after in changes:
+        assert before in plain
+        plain = plain.replace(before, after.ljust(len(before)))
+    return seal(b"".join(plain[i : i + 1020] + bytes(4) for i in range(0, len(plain), 1020)))
 
 
 def test_damaged_e57_says_why(read: Read) -> None:
     for place in (60, 700, len(E57) - 3):
         damaged = bytearray(E57)
         damaged[place] ^= 4
-        refuse(
-            read,
-            "a.e57",
-            bytes(damaged),
-            f"page {place // 1024} does not match its checksum.*copy it again",
-        )
-    assert with_xml(b"<e57Root", b"<e57Root") == E57
+        says = f"page {place // 1024} does not match its checksum.*copy it again"
+        refuse(read, "a.e57", bytes(damaged), says)
+    assert replace_in(E57) == E57
     for before, after, says in (
         (b'recordCount="4"', b'recordCount="5"', "bytes for 5 points"),
         (b'recordCount="4"', b'recordCount=""', "invalid literal"),
@@ -348,7 +320,7 @@ def test_damaged_e57_says_why(read: Read) -> None:
         (b'type="Float">1</x>', b'type="Float">x</x>', "could not convert"),
         (b'<w type="Float">1</w>', b'<w type="Float">3</w>', "quaternion"),
     ):
-        refuse(read, "a.e57", with_xml(before, after), says)
+        refuse(read, "a.e57", replace_in(E57, (before, after)), says)
     refuse(read, "a.e57", e57(({**XYZ, "cartesianX": (integer(5, 4), [5] * 4)}, "")), "from 5 to 4")
     refuse(read, "a.e57", E57[:8] + b"\2" + E57[9:], "version 2")
     refuse(read, "a.e57", E57[:-1], "bytes")
@@ -361,15 +333,12 @@ def test_e57_that_promises_much_takes_little(read: Read) -> None:
     refuse(read, "a.e57", e57((many, "")), "its points would grow from 1024 to 24000000000 bytes")
     # Records without bits take no bytes, so that their fields have to be few.
     fields = XYZ | {
-        f"{name[:-1]}{i}": (integer(7, 7), [7] * 4) for i in range(3000) for name in ["cartesian0"]
+        f"{name[:-1]}{i}": (integer(7, 7), [7] * 4) for i in range(500) for name in ["cartesian0"]
     }
     assert len(read("a.e57", e57((fields, ""), size=900))) == 4
     names = [f"colorRe{chr(97 + i)}" for i in range(26)]
     repeated = e57((dict.fromkeys(names, nothing["cartesianX"]) | nothing, ""))
-    plain = b"".join(repeated[i : i + 1020] for i in range(0, len(repeated), 1024))
-    for name in names:
-        plain = plain.replace(f"<{name} ".encode(), b"<colorRed ")
-    again = seal(b"".join(plain[i : i + 1020] + bytes(4) for i in range(0, len(plain), 1020)))
+    again = replace_in(repeated, *((f"<{name} ".encode(), b"<colorRed ") for name in names))
     refuse(read, "a.e57", again, "a scan with several fields colorRed")
     deep = "<q>" * 100_000 + "</q>" * 100_000
     assert len(read("a.e57", e57((XYZ, deep)))) == 4
@@ -379,18 +348,9 @@ def test_scans_without_points_are_left_out(read: Read) -> None:
     empty = {name: (FLOAT, []) for name in XYZ}
     refuse(read, "a.e57", e57((empty, "")), "holds no points")
     # Nothing need be where the records would be, as libE57's ZeroPoints.e57 has it.
-    zero = with_xml(b'recordCount="4"', b'recordCount="0"')
-    refuse(read, "a.e57", zero, "a.e57: holds no points")
-    nowhere = b"".join(zero[i : i + 1020] for i in range(0, len(zero), 1024)).replace(
-        b'fileOffset="48"', b'fileOffset="0" '
-    )
-    refuse(
-        read,
-        "a.e57",
-        seal(b"".join(nowhere[i : i + 1020] + bytes(4) for i in range(0, len(nowhere), 1020))),
-        "no points",
-    )
-    colors = dict.fromkeys(("colorRed", "colorGreen", "colorBlue"), (integer(0, 255), [1] * 4))
+    zero = (b'recordCount="4"', b'recordCount="0"'), (b'fileOffset="48"', b'fileOffset="0"')
+    refuse(read, "a.e57", replace_in(E57, *zero), "a.e57: holds no points")
+    colors = dict.fromkeys(COLORS, (integer(0, 255), [1] * 4))
     cloud = read("a.e57", e57((XYZ | colors, pose(1, 2, 3)), (empty, "")))
     assert len(cloud) == 4
     np.testing.assert_array_equal(cloud.colors, np.ones((4, 3)))
@@ -402,23 +362,15 @@ def test_scans_without_points_are_left_out(read: Read) -> None:
 
 def test_gltf_as_trimesh_has_it(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
-    scene = trimesh.Scene()
+    scene, matrices = trimesh.Scene(), trimesh.transformations
     ball = trimesh.creation.icosphere(1)
     ball.visual.vertex_colors = rng.integers(0, 256, (len(ball.vertices), 4)).astype(np.uint8)
-    for turn in (
-        np.eye(4),
-        trimesh.transformations.random_rotation_matrix(rng.random(3)),
-        np.diag([2, 3, -1, 1]),
-    ):
-        scene.add_geometry(
-            ball, transform=trimesh.transformations.translation_matrix(rng.normal(size=3)) @ turn
-        )
+    for turn in (np.eye(4), matrices.random_rotation_matrix(rng.random(3)), np.diag([2, 3, -1, 1])):
+        scene.add_geometry(ball, transform=matrices.translation_matrix(rng.normal(size=3)) @ turn)
+    scene.export(tmp_path / "a.glb", include_normals=True)
+    for file, content in scene.export(file_type="gltf", include_normals=True).items():
+        (tmp_path / file.replace("model", "a")).write_bytes(content)
     for name in ("a.glb", "a.gltf"):
-        if name == "a.glb":
-            scene.export(tmp_path / name, include_normals=True)
-        else:
-            for file, content in scene.export(file_type="gltf", include_normals=True).items():
-                (tmp_path / file.replace("model", "a")).write_bytes(content)
         cloud = read_cloud(tmp_path / name)
         parts = trimesh.load(tmp_path / name, process=False).dump()
         triangles = np.concatenate([part.triangles for part in parts])
@@ -475,24 +427,15 @@ def test_numbers_of_gltf(read: Read) -> None:
     entries, content = document(whole.view("<u1").reshape(-1), np.array([2], "<u1"), np.ones((1, 3), "<i2"))
     entries["bufferViews"][0]["byteStride"] = whole.itemsize
     quantized = {"bufferView": 0, "componentType": 5122, "count": 4, "type": "VEC3"}
-    color = {
-        "bufferView": 0,
-        "byteOffset": 8,
-        "componentType": 5121,
-        "count": 4,
-        "type": "VEC4",
-        "normalized": True,
-    }
+    color = {"bufferView": 0, "byteOffset": 8, "componentType": 5121, "count": 4, "type": "VEC4"}
+    color["normalized"] = True
     entries["accessors"] = [quantized, color]
     entries["meshes"] = mesh({"POSITION": 0, "COLOR_0": 1}, mode=0)
     cloud = read("a.glb", glb(entries, content))
     np.testing.assert_array_equal(cloud.points, 3 * SQUARE)
     np.testing.assert_array_equal(cloud.colors, [[1, 2, 3]] * 4)
-    quantized["sparse"] = {
-        "count": 1,
-        "indices": {"bufferView": 1, "componentType": 5121},
-        "values": {"bufferView": 2},
-    }
+    places = {"bufferView": 1, "componentType": 5121}
+    quantized["sparse"] = {"count": 1, "indices": places, "values": {"bufferView": 2}}
     np.testing.assert_array_equal(read("a.glb", glb(entries, content)).points[2], [1, 1, 1])
     del quantized["bufferView"]
     np.testing.assert_array_equal(
@@ -620,14 +563,9 @@ def test_depth_images(tmp_path: Path) -> None:
 
 def test_wrong_depth_images_say_why(tmp_path: Path) -> None:
     def refused(name: str, content: bytes, says: str) -> None:
-        refuse(
-            lambda name, content: (
-                (tmp_path / name).write_bytes(content) and read_depth(tmp_path / name, CAMERA)
-            ),
-            name,
-            content,
-            says,
-        )
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(InputError, match=says):
+            read_depth(tmp_path / name, CAMERA)
 
     whole = png(DEPTHS)
     refused("a.png", png(DEPTHS, bits=8), "8 bits of colour type 0; a depth image has one channel of 16 bits")
@@ -640,9 +578,7 @@ def test_wrong_depth_images_say_why(tmp_path: Path) -> None:
     refused("a.png", whole[:-1], r"not a readable PNG file, or cut off \(the end of the file\)")
     damaged = bytearray(whole)
     damaged[50] ^= 1
-    refused(
-        "a.png", bytes(damaged), "byte 33 do not match their checksum: the file is damaged, copy it again"
-    )
+    refused("a.png", bytes(damaged), "byte 33 do not match their checksum.*copy it again")
     header = whole[8:33]
     larger = struct.pack(">I", 13) + b"IHDR" + struct.pack(">IIBBBBB", 10_000, 8000, 16, 0, 0, 0, 0)
     larger += struct.pack(">I", zlib.crc32(larger[4:]))
@@ -663,42 +599,3 @@ def test_wrong_depth_images_say_why(tmp_path: Path) -> None:
         read_cloud(tmp_path / "a.png")
     with pytest.raises(InputError, match="scale"):
         read_depth(tmp_path / "a.png", CAMERA, scale=0)
-
-
-def test_pillow_is_named_where_it_is_missing(tmp_path: Path) -> None:
-    (tmp_path / "a.png").write_bytes(png(DEPTHS))
-    program = f"""
-import sys
-sys.modules["PIL"] = None
-from cgroup.errors import InputError
-from cgroup.io import read_depth
-try:
-    read_depth({str(tmp_path / "a.png")!r}, {CAMERA!r})
-except InputError as error:
-    print(error)
-"""
-    said = subprocess.check_output([sys.executable, "-c", program], text=True)
-    assert "reading it needs PIL; pip install 'cgroup[scans]'" in said
-
-
-@posix_only
-def test_reading_e57_is_interrupted(tmp_path: Path) -> None:
-    (tmp_path / "a.e57").write_bytes(E57)
-    program = f"""
-import cgroup.io._e57 as reader
-from cgroup.io import read_cloud
-
-inner, told = reader._checksums, []
-def checksums(pages):
-    if not told:
-        told.append(print("reading", flush=True))
-    return inner(pages)
-
-reader._checksums = checksums
-try:
-    while True:
-        read_cloud({str(tmp_path / "a.e57")!r})
-except KeyboardInterrupt:
-    print("interrupted")
-"""
-    assert interrupt(program, after="reading") == "interrupted\n"
