@@ -1,6 +1,7 @@
 """Command lines run within the tests' own process, and small files for them."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -68,3 +69,10 @@ def write_inputs(path: Path) -> None:
     target[40:] = rng.uniform(size=(20, 3))
     write_correspondences(path / "matches.npz", Correspondences(source, target, resolution=0.02))
     np.savetxt(path / "matches.txt", np.hstack([source, target]))
+
+
+def undocumented(document: dict[str, Any], *more: dict[str, Any]) -> set[str]:
+    """Return keys of a document, its first input, its results and more that the page on commands lacks."""
+    page = (Path(__file__).parents[2] / "docs" / "command-line.md").read_text(encoding="utf-8")
+    keys = {key for part in (document, document["inputs"][0], document["results"], *more) for key in part}
+    return {key for key in keys if f"`{key}`" not in page}

@@ -1,4 +1,4 @@
-"""What is fuzzed of the Python face and of the command line; each target takes bytes, and raises what nobody should see.
+"""What is fuzzed of the readers and of the command line; each target takes bytes, and raises what nobody should see.
 
 `make fuzz` runs them under atheris, test_fuzz_targets.py on seeded bytes. An error of cgroup's own is a fine answer, and so is the
 end of the program with a status that its help names; any other error is a finding.
@@ -6,24 +6,20 @@ end of the program with a status that its help names; any other error is a findi
 
 import contextlib
 import functools
-import inspect
 import io
 import json
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from cloud_files import CLOUDS
-from wrong_values import WRONG
 
 import cgroup
 import cgroup.cli
-from cgroup import features
-from cgroup.datasets import make_problem
 from cgroup.evaluation.result_files import read_results, read_truth
 from cgroup.maps.prepared_map import Level
 from cgroup.scenes import PoseGraph, PreparedMap
@@ -32,21 +28,6 @@ from cgroup.scenes.links import Link
 
 # Statuses that `cgroup --help` and the documentation name.
 STATUSES = {0, 2, 3}
-
-# Values that no argument, or hardly any, takes: those of other tests, and some that one argument or another takes.
-ODD: tuple[Any, ...] = (
-    *(value for name, value in WRONG.items() if name not in {"function", "iterator", "type"}),
-    False, 0, 1, 0.5, -0.0, 1e308, "otsu", np.float32(0.5), np.int8(-3), np.zeros((4, 3)), np.full((4, 3), 1e308), np.full((4, 3), 5e-324),
-    np.array([["a", "b", "c"]] * 4), np.zeros(4), np.zeros((4, 3, 3)), np.zeros((4, 3), np.float16), np.zeros((4, 3), ">f8"),
-    np.zeros((4, 3), np.int64)[::-1], np.arange(4, dtype=np.uint64), np.array(["2020-01-01"] * 4, "datetime64[D]"),
-)  # fmt: skip
-
-FUNCTIONS: tuple[Callable[..., Any], ...] = (
-    *cgroup.METHODS.values(),
-    *(value for name in features.__all__ if inspect.isfunction(value := getattr(features, name))),
-    cgroup.group,
-    cgroup.Correspondences,
-)
 
 
 class Draws:
@@ -64,44 +45,6 @@ class Draws:
 
     def rest(self) -> bytes:
         return bytes(self._bytes)
-
-
-def call_function(data: bytes) -> None:
-    """Call a public function with arguments that suit it, up to three of which do not."""
-    draws = Draws(data)
-    function = draws.one_of(FUNCTIONS)
-    suitable = _suitable(draws.number(40))
-    parameters = inspect.signature(function).parameters.values()
-    kinds = (inspect.Parameter.VAR_KEYWORD, inspect.Parameter.VAR_POSITIONAL)
-    names = tuple(parameter.name for parameter in parameters if parameter.kind not in kinds)
-    required = [parameter.name for parameter in parameters if parameter.default is inspect.Parameter.empty]
-    arguments = {
-        name: suitable[name] for name in names if name in suitable and (name in required or draws.number(2))
-    }
-    arguments |= {name: None for name in required if name in names and name not in arguments}
-    arguments |= {draws.one_of(names): draws.one_of(ODD) for _ in range(draws.number(4))}
-    with contextlib.suppress(cgroup.CgroupError):
-        function(**arguments)
-
-
-def _suitable(count: int) -> dict[str, Any]:
-    """Return arguments for `count` correspondences or points."""
-    problem = make_problem(np.random.default_rng(count), count)
-    fields = ("source", "target", "similarity", "ratio", "source_lrf", "target_lrf", "resolution")
-    rows = np.arange(count // 2)
-    return {name: getattr(problem, name) for name in fields} | {
-        "method": "gc",
-        "cloud": problem.source,
-        "clouds": [problem.source, problem.target],
-        "normals": problem.source_lrf[:, 2],
-        "keypoints": rows,
-        "faces": np.stack([rows, rows, rows], axis=1),
-        "radius": 30.0,
-        "voxel": 5.0,
-        "iterations": 20,
-        "salient_radius": 30.0,
-        "nms_radius": 20.0,
-    }
 
 
 COMMANDS: tuple[tuple[str, ...], ...] = (
@@ -232,7 +175,6 @@ def _read_stored(path: Path) -> None:
 
 
 TARGETS = {
-    "call_function": call_function,
     "read_stored": read_stored,
     "run_command": run_command,
 }

@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
-from cgroup import features
 from cgroup.datasets import Dataset, MatchingPair, open_dataset
 from cgroup.datasets.base import mean_resolution
 from cgroup.evaluation import correct_matches
@@ -37,13 +36,3 @@ def share_right(found: Correspondences, pose: np.ndarray, bound: float = 5.0) ->
     """Share of matches that are correct, with a bound in pr."""
     tolerance = bound * found.resolution
     return float(correct_matches(found.source, found.target, pose, tolerance=tolerance).mean())
-
-
-def share_of_agreeing_normals(pair: MatchingPair, source_normals: np.ndarray, near: float) -> float:
-    """Share of the target's points, of those near the source, whose normals turn to the source's side."""
-    turned = source_normals @ pair.T_target_source[:3, :3].T
-    there = features.normals(pair.target.points, viewpoint=pair.target_viewpoint)
-    posed = cKDTree(apply(pair.T_target_source, pair.source.points))
-    distances, nearest = posed.query(pair.target.points)
-    close = (distances < near) & np.isfinite(turned[nearest]).all(axis=1)
-    return float(((turned[nearest[close]] * there[close]).sum(axis=1) > 0).mean())

@@ -15,6 +15,7 @@ returned; nothing is ambiguous then and the masks must be equal without exceptio
 from dataclasses import replace
 from typing import Any
 
+import method_cases
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -280,7 +281,7 @@ def largest(method: str, options: Options) -> int:
     slow = options.get("recompute") or options.get("scale")
     if slow or (method == "ransac" and "iterations" not in options):
         return 50
-    return 150
+    return {"mac": 60, "lc": 80}.get(method, 150)
 
 
 @pytest.mark.parametrize(("method", "options"), OPTION_SETS, ids=name_of)
@@ -297,9 +298,9 @@ def test_problems_beyond_every_block(method: str, shape: str) -> None:
     """So large that pair matrices are rounded and cut into many bands and tiles."""
     repeated = 0.3 if shape == "repeated" else 0.0
     rng = np.random.default_rng(5)
-    problem = make_problem(
-        rng, 1357, inlier_ratio=0.2, repeated_targets=repeated, duplicated_sources=repeated
-    )
+    n = 700 if method == "mac" else 1357
+    drawn = {"inlier_ratio": 0.2, "repeated_targets": repeated, "duplicated_sources": repeated}
+    problem = make_problem(rng, n, **drawn)
     options: Options = {"iterations": 300} if method == "ransac" else {}
     expected = call_reference(method, problem, options)
     for memory in [{"max_memory": 0}, {}] if method in {"gtm", "st"} else [{}]:
@@ -332,68 +333,16 @@ def test_lc_joins_those_that_agree_with_the_most_others() -> None:
     ("duplicated", "missing", "options"),
     [
         (0.12, 0.0, {"resolution": Pr(0.2), "ratio": Field("ratio")}),
-        (
-            0.14,
-            0.1,
-            {
-                "tolerance": Pr(0.5),
-                "source_lrf": Field("source_lrf"),
-                "target_lrf": Field("target_lrf"),
-            },
-        ),
+        (0.14, 0.1, method_cases.FEW | method_cases.FRAMED),
     ],
 )
 def test_lc_fits_no_reflection_to_a_pose_without_a_group(
     duplicated: float, missing: float, options: Options
 ) -> None:
     # A mode's supporters have residuals below 6 u, the group at most 5 u: of some modes none is in the group.
-    problem = make_problem(
-        np.random.default_rng(5483),
-        150,
-        inlier_ratio=0.2,
-        noise=1.5,
-        frame_error=0.0,
-        repeated_targets=0.27,
-        duplicated_sources=duplicated,
-        missing_frames=missing,
-    )
-    compare("lc", problem, options)
-
-
-TWICE: list[tuple[int, int, dict[str, float], Options]] = [
-    (124, 3108555, {"inlier_ratio": 0.45, "repeated_targets": 0.015}, {"deviation": Pr(4.0)}),
-    (
-        149,
-        1956101166,
-        {"noise": 1.5, "repeated_targets": 0.15, "duplicated_sources": 0.11, "scale": 100.0, "offset": 1e4},
-        {"max_distance_difference": Pr(9.0)},
-    ),
-    (
-        125,
-        2034043713,
-        {"inlier_ratio": 1.0, "clutter": 0.525, "repeated_targets": 0.27, "scale": 1e-3, "offset": 1e4},
-        {},
-    ),
-]
-"""Problems with a match that comes twice: size, seed, what else is drawn, options."""
-
-
-@pytest.mark.parametrize(("n", "seed", "drawn", "options"), TWICE, ids=[str(seed) for _, seed, _, _ in TWICE])
-def test_clipper_leaves_twins_to_rounding(
-    n: int, seed: int, drawn: dict[str, float], options: Options
-) -> None:
-    # A long step sets both of a pair to 0. From then on cgroup, whose equal rows have equal sums, keeps both equal and
-    # drops both in the end; the reference keeps the one that the rounding of a matrix product favours.
-    plain = {"noise": 0.0, "clutter": 0.105, "duplicated_sources": 0.09}
-    problem = make_problem(np.random.default_rng(seed), n, **(plain | drawn))
-    expected, got = (call("clipper", problem, options) for call in (call_reference, call_cgroup))
-    assert expected.details["unsettled"]
-    compare("clipper", problem, options)
-    rows = np.column_stack([problem.source, problem.target])
-    _, place, times = np.unique(rows, axis=0, return_inverse=True, return_counts=True)
-    twins = times[place.reshape(-1)] > 1
-    assert (expected.mask == got.mask)[~twins].all()
-    assert twins.any()
+    drawn = {"inlier_ratio": 0.2, "noise": 1.5, "frame_error": 0.0, "repeated_targets": 0.27}
+    drawn |= {"duplicated_sources": duplicated, "missing_frames": missing}
+    compare("lc", make_problem(np.random.default_rng(5483), 150, **drawn), options)
 
 
 STEPS = np.arange(12.0)[:, None]

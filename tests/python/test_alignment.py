@@ -141,24 +141,19 @@ def test_swapped_clouds_give_the_inverse() -> None:
     assert back.rmse == pytest.approx(found.rmse, rel=2e-2)
 
 
-def test_any_number_of_threads_gives_the_same_bits() -> None:
+def test_threads_and_single_precision_change_no_bit() -> None:
     one, *others = (align(*surfaces(threads=n), near_truth(), threads=n) for n in (1, 2, 5))
     assert all(same_bits(one, other) for other in others)
-
-
-def test_single_precision_is_read_as_it_is() -> None:
     single = PAIR.source.points.astype(np.float32)
-    double = single.astype(np.float64)
-    found = [align(*surfaces(cloud), near_truth()) for cloud in (single, double, features.Cloud(single))]
-    assert all(same_bits(found[0], other) for other in found[1:])
+    clouds = (single, single.astype(np.float64), features.Cloud(single))
+    one, *others = (align(*surfaces(cloud), near_truth()) for cloud in clouds)
+    assert all(same_bits(one, other) for other in others)
 
 
 @pytest.mark.parametrize("offset", [0.0, 1e4])
 def test_a_plane_leaves_motions_open(offset: float) -> None:
     rng = np.random.default_rng(0)
-    clouds = [
-        np.column_stack([rng.uniform(0, 40, size=(4000, 2)), np.zeros(4000)]) + offset for _ in range(2)
-    ]
+    clouds = [np.column_stack([rng.uniform(0, 40, (4000, 2)), np.zeros(4000)]) + offset for _ in range(2)]
     tilted = np.eye(4)
     tilted[:3, :3] = reference.rotation_of(np.array([0.02, 0.01, 0.0]))
     tilted[:3, 3] = clouds[1].mean(axis=0) - tilted[:3, :3] @ clouds[0].mean(axis=0) + [0, 0, 0.5]
@@ -193,9 +188,7 @@ GRID = np.stack(np.meshgrid(*[np.arange(20.0)] * 2, [0.0]), axis=-1).reshape(-1,
         (GRID, 100.0, "about the distance between points"),
         (GRID, 1e-30, "larger voxel"),
         (GRID, 0, "spacing: got 0"),
-        (GRID, -1, "spacing: got -1"),
         (GRID, np.nan, "spacing: got nan"),
-        (GRID, "1", "spacing: got '1'"),
         (np.where(GRID == 3, np.nan, GRID), 1.0, "coordinates must be finite"),
         (GRID[:, :2], 1.0, "shape"),
     ],
@@ -205,21 +198,9 @@ def test_fine_surfaces_that_make_no_sense_are_refused(points: FloatArray, spacin
         FineSurface(points, spacing)
 
 
-@pytest.mark.parametrize(
-    ("pose", "words"),
-    [
-        ([np.eye(4), np.eye(4)], "pose: got shape"),
-        *(
-            (pose, "pose")
-            for pose in (np.eye(3), np.diag([1.0, 1, -1, 1]), np.full((4, 4), np.nan), 2 * np.eye(4))
-        ),
-    ],
-)
-def test_poses_that_make_no_sense_are_refused(pose: Any, words: str) -> None:
-    with pytest.raises(InputError, match=words):
-        align(*surfaces(), pose)
-
-
-def test_surfaces_of_different_spacing_are_refused() -> None:
+def test_what_cannot_be_aligned_is_refused() -> None:
+    for pose in ([np.eye(4), np.eye(4)], np.eye(3), np.diag([1.0, 1, -1, 1]), 2 * np.eye(4)):
+        with pytest.raises(InputError, match="pose"):
+            align(*surfaces(), pose)
     with pytest.raises(InputError, match="same spacing"):
         align(surfaces()[0], FineSurface(PAIR.target.points, 1.01 * SPACING), TRUTH)

@@ -11,12 +11,12 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from every_step import steps_of
 
-import cgroup
 from cgroup import features, verification
 from cgroup.datasets import make_problem
 from cgroup.errors import CgroupError
@@ -44,7 +44,7 @@ while os.getppid() == parent:
 """
 """Spoils parts of the file for a moment, as long as its parent lives."""
 
-MATCHES, MANY, POINTS, KEYPOINTS = 700, 20_000, 4_000, 400
+MATCHES, POINTS, KEYPOINTS = 700, 4_000, 400
 
 
 class Shared:
@@ -63,24 +63,14 @@ class Shared:
         return view
 
 
-def groupings(shared: Shared, n: int) -> dict[str, object]:
-    """Fields of a problem in shared memory."""
-    problem = make_problem(np.random.default_rng(3), n)
-    names = ("source", "target", "similarity", "ratio", "source_lrf", "target_lrf")
-    fields = {name: shared.put(getattr(problem, name)) for name in names}
-    return {**fields, "resolution": problem.resolution}
-
-
 def calls(shared: Shared) -> Iterator[Callable[[], object]]:
     """Every method and step, each on shared arrays."""
-    few, many = groupings(shared, MATCHES), groupings(shared, MANY)
-    # Not through `Correspondences`, which copies.
-    for info in METHOD_INFO.values():
-        names = [name for name in (*info.fields, "resolution") if name in few]
-        signature = inspect.signature(info.function).parameters
-        fields = {name: few[name] for name in names if name in signature}
-        yield lambda function=info.function, fields=fields: function(**fields)
-    yield lambda: cgroup.si(**{k: v for k, v in many.items() if k != "similarity"}, neighbors=20)
+    problem = make_problem(np.random.default_rng(3), MATCHES)
+    names = ("source", "target", "similarity", "ratio", "source_lrf", "target_lrf")
+    fields = {name: shared.put(getattr(problem, name)) for name in names} | {"resolution": problem.resolution}
+    for info in METHOD_INFO.values():  # not through `Correspondences`, which copies
+        taken = {*info.fields, "resolution"} & {*fields} & {*inspect.signature(info.function).parameters}
+        yield partial(info.function, **{name: fields[name] for name in taken})
 
     rng = np.random.default_rng(5)
     directions = rng.normal(size=(POINTS, 3))
@@ -93,14 +83,13 @@ def calls(shared: Shared) -> Iterator[Callable[[], object]]:
     table = shared.put(rng.normal(size=(KEYPOINTS, 33)))
     poses = shared.put(np.tile(np.eye(4), (50, 1, 1)))
     yield from steps_of(points, normals, unit=1.0, rows=rows, faces=faces).values()
-    yield lambda: features.shot(points, normals, rows, radius=4.0, lrf=frames)
-    yield lambda: features.match(table, table, k=3, mutual=True)
+    yield partial(features.shot, points, normals, rows, radius=4.0, lrf=frames)
+    yield partial(features.match, table, table, k=3, mutual=True)
+    yield partial(verification.Surface, points, normals, unit=0.5)
     whole = verification.Surface(np.array(points), np.array(normals), unit=0.5)
-    yield lambda: verification.Surface(points, normals, unit=0.5)
-    yield lambda: verification.score_poses(whole, whole, poses)
-    yield lambda: verification.verify(whole, whole, poses)
+    yield partial(verification.verify, whole, whole, poses)
     fine = verification.FineSurface(np.array(points), spacing=1.0)
-    yield lambda: verification.align(fine, fine, poses[0])
+    yield partial(verification.align, fine, fine, poses[0])
 
 
 def ends_in_a_result(call: Callable[[], object]) -> bool:
@@ -129,7 +118,7 @@ def main(seconds: float) -> None:
     sys.stdout.write(f"{outcomes.count(True)} {outcomes.count(False)}\n")
 
 
-SECONDS = 6
+SECONDS = 3
 """How long the calls go on: a race is won now and then only."""
 
 PATIENCE = 120

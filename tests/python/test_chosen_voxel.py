@@ -6,36 +6,21 @@ import pytest
 from cgroup import NoConsensusError, register
 from cgroup.datasets import standin_pair
 from cgroup.features import sample_mesh
-from cgroup.features.cloud import find_distinct
 from cgroup.io import PointCloud
-from cgroup.registration import assess, describe, surface_normals
+from cgroup.registration import assess
 from cgroup.registration.parts import find_parts
-from cgroup.registration.scan import as_surface
 
 PAIR = standin_pair(pixels=70)
 SOURCE, TARGET, T = PAIR.source.points, PAIR.target.points, PAIR.T_target_source
 BOX = np.array([[x, y, z] for x in (0, 60) for y in (0, 40) for z in (0, 8)], dtype=float)
-FACES = np.array(
-    [
-        (0, 1, 3),
-        (0, 3, 2),
-        (4, 6, 7),
-        (4, 7, 5),
-        (0, 4, 5),
-        (0, 5, 1),
-        (2, 3, 7),
-        (2, 7, 6),
-        (0, 2, 6),
-        (0, 6, 4),
-        (1, 5, 7),
-        (1, 7, 3),
-    ]
-)
+FACES = np.array([
+    (0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1),
+    (2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3),
+])  # fmt: skip
 
 
-@pytest.mark.parametrize("seed", [0, 1])
-def test_repeated_points_change_nothing(seed: int) -> None:
-    rng = np.random.default_rng(seed)
+def test_repeated_points_change_nothing() -> None:
+    rng = np.random.default_rng(0)
     rows = rng.permutation(np.concatenate([np.arange(len(SOURCE)), rng.integers(0, len(SOURCE), 9000)]))
     once, often = register(SOURCE, TARGET), register(SOURCE[rows], TARGET)
     assert often.ok
@@ -51,17 +36,6 @@ def test_rows_of_matches_are_those_of_the_points_as_given() -> None:
     np.testing.assert_allclose(done.T_target_source, T, atol=0.01)
 
 
-def test_distinct_points_keep_their_order() -> None:
-    points = np.array([[1.0, 0, 0], [0, 0, 0], [-0.0, 0, 0], [1, 0, 0], [2, 0, 0]])
-    rows = find_distinct(points)
-    assert rows is not None
-    assert rows.tolist() == [0, 1, 4]
-    grid = np.stack(np.meshgrid(*3 * [np.arange(40.0)]), axis=-1).reshape(-1, 3)
-    assert find_distinct(grid) is None
-    assert find_distinct(grid.astype(np.float32)) is None
-    assert as_surface("cloud", np.repeat(grid, 3, axis=0)).repeats == 2 * len(grid)
-
-
 @pytest.mark.parametrize("count", [300, 600])
 def test_a_sparse_cloud_is_registered_on_a_dense_one(count: int) -> None:
     rng = np.random.default_rng(0)
@@ -69,7 +43,7 @@ def test_a_sparse_cloud_is_registered_on_a_dense_one(count: int) -> None:
     np.testing.assert_allclose(done.T_target_source[:3, :3], T[:3, :3], atol=0.05)
 
 
-@pytest.mark.parametrize("count", [30, 60, 120])
+@pytest.mark.parametrize("count", [30, 120])
 def test_few_points_get_a_verdict(count: int) -> None:
     other = standin_pair(seed=1, pixels=70).target.points
     rng = np.random.default_rng(count)
@@ -102,18 +76,6 @@ def test_faces_count_in_register_and_assess() -> None:
     assert assess(cad, scan, T).ok
 
 
-def test_keypoints_and_normals_have_the_rows_of_the_points_as_given() -> None:
-    rng = np.random.default_rng(4)
-    rows = rng.permutation(np.concatenate([np.arange(len(SOURCE)), rng.integers(0, len(SOURCE), 3000)]))
-    often = SOURCE[rows]
-    normals = surface_normals(often)
-    assert normals.shape == often.shape
-    twins = {tuple(point): normal for point, normal in zip(often.tolist(), normals, strict=True)}
-    np.testing.assert_array_equal(normals, [twins[tuple(point)] for point in often.tolist()])
-    found = describe(often, keypoints=50)
-    np.testing.assert_array_equal(often[found.indices], found.points)
-
-
 def _scatter(rng: np.random.Generator, size: float) -> np.ndarray:
     """Flat discs of radius 2, all alike, anywhere in a frame, (40,100,3)."""
     angles, radii = rng.uniform(0, 2 * np.pi, (40, 100)), 2 * np.sqrt(rng.uniform(size=(40, 100)))
@@ -124,7 +86,7 @@ def _scatter(rng: np.random.Generator, size: float) -> np.ndarray:
     return discs + rng.uniform(0, 1, (40, 1, 3)) * np.array((200, 200, 80)) * size
 
 
-@pytest.mark.parametrize(("size", "seed"), [(2, 0), (3, 1), (6, 2), (10, 3)])
+@pytest.mark.parametrize(("size", "seed"), [(2, 0), (10, 3)])
 def test_small_parts_in_a_wide_frame_are_registered_by_their_places(size: float, seed: int) -> None:
     rng = np.random.default_rng(seed)
     discs = _scatter(rng, size)

@@ -4,11 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
-import os
 import re
-import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +14,7 @@ from command_lines import fail, results_in, run, succeed, write_inputs
 from scenes import stone_model, stone_scene
 
 from benchmark_runs import CLOUDS
-from cgroup import METHODS, Correspondences, comparison, group
-from cgroup.benchmark.config import preset_names
+from cgroup import METHODS, Correspondences, group
 from cgroup.datasets import make_problem
 from cgroup.evaluation import match_errors
 from cgroup.io import (
@@ -46,17 +41,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Scans, models, matches, and files with which something is wrong."""
     path = tmp_path_factory.mktemp("input")
     write_inputs(path)
-    source, rng = read_cloud(path / "source.ply"), np.random.default_rng(0)
+    source = read_cloud(path / "source.ply")
     write_transform(path / "inverse.txt", np.linalg.inv(read_transform(path / "truth.txt")))
     for name, way in (("near", 15.0), ("far", 1e6)):
         moved = read_transform(path / "truth.txt")
         moved[0, 3] += way
         write_transform(path / f"{name}.txt", moved)
-    np.save(path / "nan.npy", np.full((30, 3), np.nan))
-    np.save(path / "few.npy", rng.uniform(size=(4, 3)))
     write_cloud(path / "metres.ply", PointCloud(1e-3 * source.points))
-    (path / "empty.ply").write_bytes(b"")
-    (path / "garbage.pcd").write_bytes(b"not a cloud\n" * 10)
     (path / "cut.ply").write_bytes((path / "source.ply").read_bytes()[:5000])
     (path / "scaled.txt").write_text("2 0 0 0\n0 2 0 0\n0 0 2 0\n0 0 0 1\n")
     (path / "again").mkdir()
@@ -100,17 +91,22 @@ def facts_of(out: str) -> dict[str, str]:
 
 def test_register_describes_its_result(folder: Path, pair: tuple[Path, Path], capsys: Capture) -> None:
     said = facts_of(succeed(capsys, "register", *pair))
-    results = json.loads(succeed(capsys, "register", *pair, "--json"))["results"]
+    document = json.loads(succeed(capsys, "register", *pair, "--json"))
+    results = document["results"]
+    parts = ["schema_version", "cgroup_version", "command", "inputs", "options", "results", "files"]
+    assert list(document) == parts
+    assert [one["role"] for one in document["inputs"]] == ["source", "target"]
+    assert document["options"]["effort"] == "normal"
+    assert all(Path(file).exists() for file in document["files"])
+    written = read_transform("out/source_on_target.txt")
+    np.testing.assert_array_equal(results["T_target_source"], written)
+    assert results["ok"] is True
     pose = read_transform(folder / "truth.txt")
     turn = rf"rotated by {rotation_error(pose, np.eye(4)):.0f}\.?\d* degrees about the axis \(0\.48, 0\.30, 0\.82\)"
     assert re.match(turn, said["pose"])
-    assert said["pose"].endswith("(in the files' unit, as all lengths)")
     assert said["probability"] == f"{results['probability']:.3f} that the pose is correct"
     shares = [f"{100 * results[name]:.0f} %" for name in ("fitness", "target_fitness")]
-    assert (
-        said["overlap"]
-        == f"{shares[0]} of the source overlaps the target, {shares[1]} of the target the source"
-    )
+    assert all(share in said["overlap"] for share in shares)
     assert said["deviation"].startswith(f"{results['deviation_deg']:.2g} degrees, ")
     assert not {"voxel", "matches", "time", "truth"} & set(said)
     assert {"voxel", "matches", "time"} < set(facts_of(succeed(capsys, "register", *pair, "--verbose")))
@@ -192,22 +188,6 @@ def test_a_refused_guess_is_judged_too(folder: Path, capsys: Capture) -> None:
     assert not document["guess"]["truth"]["right"]
 
 
-def test_a_refused_assessment_names_what_to_look_at(
-    pair: tuple[Path, Path], tmp_path: Path, capsys: Capture
-) -> None:
-    np.savetxt(tmp_path / "wrong.txt", np.diag([1.0, -1.0, -1.0, 1.0]) + np.eye(4, k=3) * 1e8)
-    status, _, err = run(capsys, "assess", *pair, tmp_path / "wrong.txt")
-    assert status == 3
-    assert "cgroup register SOURCE TARGET --initial POSE --html" in " ".join(err.split())
-    assert not re.search(r"[0-9]{6,}", err)
-
-
-def test_assess_says_the_same_of_a_pose(folder: Path, pair: tuple[Path, Path], capsys: Capture) -> None:
-    said = facts_of(succeed(capsys, "assess", *pair, folder / "truth.txt", "--verbose"))
-    assert {"pose", "probability", "overlap", "residual", "deviation", "voxel", "time"} < set(said)
-    assert "next" not in said
-
-
 def test_both_clouds_can_be_written_as_one(pair: tuple[Path, Path], tmp_path: Path, capsys: Capture) -> None:
     out = succeed(capsys, "register", *pair, "--merged")
     assert "both clouds merged" in out
@@ -219,24 +199,9 @@ def test_both_clouds_can_be_written_as_one(pair: tuple[Path, Path], tmp_path: Pa
     assert {(230, 159, 0), (0, 114, 178)} < {tuple(color) for color in both.colors.tolist()}
 
 
-def test_compare(
-    folder: Path,
-    pair: tuple[Path, Path],
-    tmp_path: Path,
-    capsys: Capture,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    poses: list[object] = []
-    correct_matches = comparison.correct_matches
-
-    def judge(*arguments: object, **options: float) -> object:
-        poses.append(np.asarray(arguments[2]).tobytes())
-        return correct_matches(*arguments, **options)  # pyright: ignore[reportArgumentType]
-
-    monkeypatch.setattr(comparison, "correct_matches", judge)
-    out = succeed(capsys, "compare", *pair, "--truth", folder / "truth.txt")
-    # Matches are judged once under the truth, and at most once more under its inverse.
-    assert len(set(poses)) == len(poses) <= 2
+def test_compare(folder: Path, pair: tuple[Path, Path], tmp_path: Path, capsys: Capture) -> None:
+    line = ("compare", *pair, "--truth", folder / "truth.txt")
+    out = succeed(capsys, *line)
     written = tmp_path / "out" / "source_on_target_"
     rows = list(csv.DictReader(Path(f"{written}comparison.csv").read_text().splitlines()))
     assert [row["method"] for row in rows] == list(METHODS)
@@ -246,9 +211,15 @@ def test_compare(
         assert float(row["milliseconds"]) > 0
     assert is_picture(Path(f"{written}comparison.png"))
     assert "inverse" not in out
-
-
-def test_compare_notices_an_inverted_truth(folder: Path, pair: tuple[Path, Path], capsys: Capture) -> None:
+    lines = out.splitlines()
+    (head,) = (row for row, line in enumerate(lines) if line.startswith("method"))
+    assert lines[head].split()[:6] == ["method", "selected", "precision", "recall", "F", "registered"]
+    scores = [float(line.split()[4]) for line in lines[head + 1 :][: len(METHODS)]]
+    assert scores == sorted(scores, reverse=True)
+    assert max(len(line) for line in lines if str(folder) not in line) <= 80
+    rows = json.loads(succeed(capsys, *line, "--json"))["results"]["methods"]
+    assert [row["method"] for row in rows] == list(METHODS)
+    assert all((row["T_target_source"] is None) == (row["rotation_error_deg"] is None) for row in rows)
     status, out, _ = run(capsys, "compare", *pair, "--truth", folder / "inverse.txt")
     assert status == 0
     assert "would be correct under the inverse of this truth" in out
@@ -410,108 +381,52 @@ def test_benchmark_run_and_status(tmp_path: Path, capsys: Capture) -> None:
     assert results["failures"] == [{"method": method, **failure} for method in ("gc", "ss")]
 
 
-def test_benchmark_presets(capsys: Capture) -> None:
-    out = succeed(capsys, "benchmark", "presets")
-    assert all(name in out for name in preset_names())
-
-
 # --- wrong input ---------------------------------------------------------------------------------
 
 WRONG = [
     ("register missing.ply {target}", "missing.ply: no such file"),
-    ("register {folder} {target}", "is a directory, not a file"),
-    ("register {folder}/empty.ply {target}", "empty.ply: the file is empty"),
-    ("register {folder}/garbage.pcd {target}", "garbage.pcd: not a readable PCD file"),
     ("register {folder}/cut.ply {target}", "cut.ply: not a readable PLY file, or cut off"),
-    ("register {folder}/nan.npy {target}", "nan.npy: none of its 30 points is finite"),
-    ("register {folder}/few.npy {target}", "source: got 4 points"),
     ("register {source} {target} --method icp", "method: got 'icp'; choose one of ss, nnsr"),
-    ("register {source} {target} --detector sift", "--detector"),
     ("register {source} {target} --descriptor fpfh3", "cgroup: Invalid value for '--descriptor': 'fpfh3' is"),
-    (
-        "register {source} {target} {scene}",
-        "got 3 clouds, and registers two; cgroup merge registers many into one scene",
-    ),
+    ("register {source} {target} {scene}", "got 3 clouds, and registers two; cgroup merge registers many into one scene"),
     ("register {source} {target} --normals mesh", "--normals: belongs to --front paper"),
     ("register {source} {target} --front paper --support 4", "--support: belongs to --front dense"),
     ("register {source} {target} --front paper --normals mesh", "neither cloud has faces"),
     ("register {folder}/metres.ply {target}", "scale them to the same unit"),
-    ("register {source} {target} --voxel 0", "voxel: got 0"),
-    ("register {source} {target} --voxel 1e-9", "give a larger voxel"),
     ("register {source} {target} --voxel 500", "fill 1 voxel of size 500; 20 are needed: give"),
-    ("register {source} {target} --axis 0 0 0", "axis: got a zero vector"),
-    ("register {source} {target} --axis 0 1", "--axis"),
     ("register {source} {target} --target-viewpoint 0 0 1e9", "--target-viewpoint: got"),
-    ("register {source} {target} --effort max", "--effort"),
-    ("register {source} {target} --front fast", "--front"),
     ("register {source} {target} --support 0", "support: got 0"),
-    ("register {source} {target} --keypoints 1", "keypoints"),
-    ("register {source} {target} --keypoints many", "keypoints"),
     ("register {source} {target} --out {source}", "can't be made a folder"),
     ("register {source} {target} --out=", "--out: got an empty name; give a folder; . is the current one"),
-    ("register {source} {target} --matches missing.npz", "missing.npz: no such file"),
     ("register {source} {target} --matches {source}", "source.ply: is a cloud, not matches"),
-    (
-        "register {source} {target} --matches {folder}/matches.npz --front paper",
-        "--matches, --front: give one",
-    ),
-    (
-        "register {source} {target} --matches {folder}/matches.npz --support 4",
-        "--matches, --support: give one",
-    ),
-    ("register {source} {target} --initial missing.txt", "missing.txt: no such file"),
+    ("register {source} {target} --matches {folder}/matches.npz --front paper", "--matches, --front: give one"),
+    ("register {source} {target} --matches {folder}/matches.npz --support 4", "--matches, --support: give one"),
     ("register {source} {target} --initial {folder}/scaled.txt", "scaled.txt: "),
     ("assess {source} {target} {folder}/scaled.txt", "scale the source by that first, and divide the block"),
-    (
-        "register {source} {target} --initial {folder}/truth.txt --matches {folder}/matches.npz",
-        "--matches, --initial: give one",
-    ),
-    (
-        "register {source} {target} --initial {folder}/truth.txt --method gtm",
-        "nothing is grouped where --initial is given",
-    ),
-    (
-        "register {source} {target} --initial {folder}/truth.txt --angle 90",
-        "give 60 degrees at most, or no --initial",
-    ),
+    ("register {source} {target} --initial {folder}/truth.txt --matches {folder}/matches.npz", "--matches, --initial: give one"),
+    ("register {source} {target} --initial {folder}/truth.txt --method gtm", "nothing is grouped where --initial is given"),
+    ("register {source} {target} --initial {folder}/truth.txt --angle 90", "give 60 degrees at most, or no --initial"),
     ("register {source} {target} --scale 2 1", "--scale: got (2, 1); give the least scale first"),
     ("register {source} {target} --scale 1 2 --front paper", "leave out --front"),
     ("register {source} {target} --radius 5", "--radius: got 5, but no --initial"),
     ("register {source} {target} --angle 5", "--angle: got 5, but no --initial"),
     ("register {source}", "Missing argument"),
-    ("register {source} {target} --frobnicate", "frobnicate"),
     ("compare {source} {target}", "--truth"),
-    ("compare {source} {target} --truth missing.txt", "missing.txt: no such file"),
     ("compare {source} {target} --truth {folder}/scaled.txt", "scaled by 2, not a rotation"),
-    ("compare {source} {target} --truth {source}", "source.ply"),
-    ("group missing.npz", "missing.npz: no such file"),
     ("group {source}", "source.ply"),
     ("group {folder}/matches.npz --method gtm --tolerance 1", "tolerance"),
-    (
-        "group {folder}/matches.npz --tolerance automatic",
-        "--tolerance: got automatic; give a length, or auto",
-    ),
+    ("group {folder}/matches.npz --tolerance automatic", "--tolerance: got automatic; give a length, or auto"),
     ("group {folder}/matches.npz --method ss", "similarity"),
-    ("group {folder}/matches.npz --method cv", "ratio"),
-    ("group {folder}/matches.npz --method gc --resolution -1", "resolution"),
-    ("group {folder}/matches.npz --out {folder}/matches.npz", "can't be made a folder"),
-    ("detect {source} --resolution 0", "resolution: got 0"),
     ("detect {source} --resolution 500", "the whole cloud is"),
     ("detect {source} --nms-radius -1", "--nms-radius: got -1"),
     ("recognize {stone} {folder}/again/stone1.ply --scene {scene}", "two files named 'stone1'"),
     ("recognize {folder}/bare.ply --scene {scene} --viewpoint 0 0 0", "neither faces nor normals"),
     ("recognize {stone}", "--scene"),
-    ("recognize --scene {scene}", "Missing argument"),
-    ("recognize {stone} --scene {scene} --most 0", "most"),
-    ("recognize {stone} --scene {scene} --voxel 1e9", "voxel"),
     ("benchmark run nowhere.toml", "nowhere.toml: neither a readable configuration"),
-    ("benchmark run smoke --backend mpi", "--backend"),
-    ("benchmark run smoke --workers 0", "--workers"),
     ("benchmark status --out nowhere", "nowhere: no records; make some"),
-    ("benchmark frobnicate", "frobnicate"),
     ("demo --seed -1", "seed"),
     ("frobnicate", "frobnicate"),
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("line", "says"), WRONG, ids=[line for line, _ in WRONG])
@@ -521,49 +436,6 @@ def test_wrong_input_is_one_line_and_status_2(line: str, says: str, folder: Path
     assert says in fail(capsys, *(word.format(folder=folder, **files) for word in line.split()))
 
 
-@pytest.mark.parametrize(
-    ("words", "commands"),
-    [((), ("register", "compare", "group", "demo")), (("benchmark",), ("run", "presets", "report"))],
-)
-def test_without_a_command_there_is_help(
-    words: tuple[str, ...], commands: tuple[str, ...], capsys: Capture
-) -> None:
-    out = succeed(capsys, *words)
-    assert all(f"\n  {command} " in out for command in commands)
-
-
-# --- Ctrl-C --------------------------------------------------------------------------------------
-
-COMPUTING = """
-import sys
-from cgroup import _core
-from cgroup.cli import main
-
-def look(_frame, event, function):
-    if event == "c_call" and getattr(function, "__self__", None) is _core:
-        sys.setprofile(None)
-        print("computing", flush=True)
-
-sys.setprofile(look)
-main()
-"""
-"""Says so when the first function of the compiled core is called."""
-
-
-@pytest.mark.skipif(os.name == "nt", reason="interrupts are sent differently there")
-def test_interrupt_is_one_line_and_status_130(tmp_path: Path) -> None:
-    rng = np.random.default_rng(1)
-    many = Correspondences(rng.uniform(size=(50_000, 3)), rng.uniform(size=(50_000, 3)))
-    write_correspondences(tmp_path / "many.npz", many)
-    running = subprocess.Popen(
-        [sys.executable, "-c", COMPUTING, "group", tmp_path / "many.npz", "--method", "st"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    assert running.stdout is not None
-    assert running.stdout.readline() == "computing\n"
-    assert running.poll() is None, "the work was over before it could be interrupted"
-    running.send_signal(signal.SIGINT)
-    _, err = running.communicate(timeout=20)
-    assert (running.returncode, err) == (130, "cgroup: interrupted\n")
+def test_without_a_command_there_is_help(capsys: Capture) -> None:
+    for words, command in (((), "register"), (("benchmark",), "presets")):
+        assert f"\n  {command} " in succeed(capsys, *words)

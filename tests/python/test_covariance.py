@@ -54,9 +54,7 @@ def turning(axis: tuple[float, float, float], through: FloatArray, pitch: float 
 @pytest.mark.parametrize(
     ("vector", "words"),
     [
-        (np.array([0, 0, 0, 0, 0, -0.5]), "slide along (0.00, 0.00, 1.00)"),
         (np.array([0, 0, 0, 3, -4, -1e-4]), "slide along (-0.60, 0.80, 0.00)"),
-        (turning((0, 0, 1), MIDDLE), "turn about an axis along (0.00, 0.00, 1.00)"),
         (turning((3, 0, 4), MIDDLE + 5), "turn about an axis along (0.60, 0.00, 0.80)"),
         (turning((0, 0, 1), MIDDLE, 5), "turn about an axis along (0.00, 0.00, 1.00) while sliding along it"),
         (turning((0, 0, 1), MIDDLE + np.array([1e4, 0, 0])), "slide along (0.00, 1.00, 0.00)"),
@@ -111,17 +109,12 @@ def test_a_convention_is_that_of_the_library(convention: Any, errors_in: Any, at
     np.testing.assert_allclose(found, expected, atol=1e-3 * np.abs(expected).max())
 
 
-def test_another_convention_is_refused() -> None:
-    pair = standin_pair(pixels=60)
-    done = register(pair.source, pair.target)
-    with pytest.raises(InputError, match="convention"):
-        done.covariance_in("ceres")  # pyright: ignore[reportArgumentType]
-
-
 def test_a_covariance_turns_with_the_frame_of_the_target() -> None:
     pair = standin_pair(pixels=60)
     turn = motion(np.array([0.3, -0.2, 0.5, 20.0, -10.0, 30.0]), ORIGIN)
     one = register(pair.source, pair.target)
+    with pytest.raises(InputError, match="convention"):
+        one.covariance_in("ceres")  # pyright: ignore[reportArgumentType]
     other = register(pair.source, apply(turn, pair.target.points), voxel=one.voxel)
     expected = np.sqrt(np.diag(adjoint(turn) @ one.covariance @ adjoint(turn).T))
     ratios = np.sqrt(np.diag(other.covariance)) / expected
@@ -129,11 +122,11 @@ def test_a_covariance_turns_with_the_frame_of_the_target() -> None:
     assert ratios.max() < 3
 
 
-@pytest.mark.parametrize("kind", ["heap", "wood", "room"])
+@pytest.mark.parametrize("kind", ["heap", "room"])
 def test_errors_are_such_as_the_covariance_says(kind: str) -> None:
     """The squared Mahalanobis distance of the true pose is 6 on average, and seldom above 12.6."""
     distances = []
-    for seed in range(12):
+    for seed in range(8):
         pair = make_world_pair(np.random.default_rng((seed, *b"covariance", *kind.encode())), kind)
         try:
             done = register(pair.source, pair.target, source_viewpoint=(0, 0, 0), target_viewpoint=(0, 0, 0))

@@ -93,6 +93,7 @@ def test_tables_of_results_with_decimal_commas_are_read(separator: str, tmp_path
         ("1,2,3\n\n1,5 2,5 3,5\n", 3),
         ("1.5 2 3\n1,5 2 3\n", 2),
         ("1,5 2 3\n1 2 3\n1.5 2 3\n", 3),
+        ("1\t2.5 3\n4;5,6\n", 2),
     ],
 )
 def test_what_could_be_read_in_two_ways_is_refused_with_its_line(
@@ -108,20 +109,6 @@ def test_what_could_be_read_in_two_ways_is_refused_with_its_line(
         (tmp_path / name).write_text(text)
         with pytest.raises(InputError, match=rf"{name}: .*line {line}: got .*write decimal points"):
             read(tmp_path / name)
-
-
-@pytest.mark.parametrize(
-    "text",
-    ["1,2.5,3\n4,5,6\n", "1, 2.5, 3\n4 , 5 , 6\n", "1;2.5;3\n4;5;6\n", "1\t2.5 3\n4;5,6\n", "1.0,2.5 3,0\n4 5,6 , 0\n"],
-)  # fmt: skip
-def test_commas_between_numbers_stay_what_they_were(text: str, tmp_path: Path) -> None:
-    (tmp_path / "a.xyz").write_text(text)
-    expected = [[1, 2.5, 3], [4, 5, 6]]
-    if text.startswith(("1\t", "1.0")):  # one row has a comma that may be decimal
-        with pytest.raises(InputError, match="write decimal points"):
-            read_cloud(tmp_path / "a.xyz")
-    else:
-        np.testing.assert_array_equal(read_cloud(tmp_path / "a.xyz").points, expected)
 
 
 def test_files_that_have_no_commas_refuse_them(tmp_path: Path) -> None:

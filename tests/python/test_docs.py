@@ -113,38 +113,6 @@ def blocks_with_output(page: Path) -> list[tuple[str, str, str]]:
     return [(kind or other, code or line, output) for kind, code, other, line, output in found]
 
 
-COLUMNS = 105
-"""Characters in a line of code that a window of 1,280 px shows whole."""
-
-
-@pytest.mark.parametrize("page", [page for page in PAGES if page.is_relative_to(DOCS)], ids=name)
-def test_code_fits_the_page(page: Path):
-    text = page.read_text(encoding="utf-8")
-    blocks = re.findall(r"^```([^\n]*)\n(.*?)^```", text, flags=re.DOTALL | re.MULTILINE)
-    code = [line for kind, block in blocks if not kind.startswith("{") for line in block.splitlines()]
-    assert [line for line in code if len(line) > COLUMNS] == []
-
-
-def python_blocks(page: Path) -> list[str]:
-    if page.stem in FRAGMENTS:
-        return []
-    return re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL)
-
-
-def test_the_readme_shows_what_is_there(capsys: pytest.CaptureFixture[str]):
-    blocks, namespace = python_blocks(ROOT / "README.md"), {}
-    assert len(blocks) >= 2
-    for block in blocks:
-        exec(compile(block, "README.md", "exec"), namespace)
-    assert "ransac Grouping(200 of 1000 selected)" in capsys.readouterr().out
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
-    targets = set(re.findall(r"^([a-z-]+):", makefile, flags=re.MULTILINE))
-    named = set(re.findall(r"^ +make ([a-z]+)", text, flags=re.MULTILINE))
-    assert {"demo", "test"} <= named <= targets
-    assert len(text.splitlines()) <= 120
-
-
 def commands(page: Path) -> list[str]:
     """Lines that call cgroup, in blocks of shell and in indented ones; lines that go on are joined."""
     text = page.read_text(encoding="utf-8").replace("\\\n", " ")
@@ -160,10 +128,6 @@ def commands(page: Path) -> list[str]:
 COMMANDS = {line: name(page) for page in PAGES for line in commands(page)}
 
 
-def test_commands_are_found():
-    assert len(COMMANDS) >= 20
-
-
 @pytest.mark.parametrize("line", COMMANDS, ids=lambda line: f"{COMMANDS[line]}: {line}")
 def test_commands_are_understood(line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)
@@ -173,21 +137,6 @@ def test_commands_are_understood(line: str, tmp_path: Path, monkeypatch: pytest.
     except SystemExit as done:  # of options that do their work at once
         if done.code:
             raise
-
-
-@pytest.mark.parametrize(
-    "line",
-    [
-        "register a b --nosuch 1",
-        "nosuch",
-        "benchmark nosuch",
-        "register a",
-        "register a b --voxel x",
-    ],
-)
-def test_wrong_commands_are_not_understood(line: str):
-    with pytest.raises(Exception, match=r"No such|Missing|missing|valid number"):
-        parse_command(line.split())
 
 
 @pytest.mark.parametrize("module", GROUPS)
@@ -208,42 +157,3 @@ def test_reference_lacks_no_public_module():
     hidden = {"cgroup.explanation", "cgroup.group", "cgroup.methods", "cgroup.cli", "cgroup.benchmark"}
     hidden |= {"cgroup.maps", "cgroup.pose_graph"}  # cgroup.scenes shows their names
     assert public - set(GROUPS) == hidden
-
-
-def test_pages_install_from_the_repository_until_pypi_has_it():
-    pages = [page for page in PAGES if page.name != "CHANGELOG.md"]
-    lines = [line for page in pages for line in page.read_text(encoding="utf-8").splitlines()]
-    named = [line for line in lines if re.search(r"pip install '?cgroup\b", line)]
-    assert [line for line in named if "git+https://" not in line] == [
-        line for line in named if "comes to PyPI" in line
-    ]
-
-
-@pytest.mark.parametrize("word", ["uncertainty", "GPU", "crop", "georeference", "install", "ICP"])
-def test_what_people_search_for_is_a_heading(word: str):
-    titles = [
-        line
-        for page in PAGES
-        for line in page.read_text(encoding="utf-8").splitlines()
-        if line.startswith("#")
-    ]
-    assert any(re.search(rf"\b{word}", title, re.IGNORECASE) for title in titles)
-
-
-@pytest.mark.parametrize(
-    ("page", "loads"),
-    [
-        ('<script src="https://a.example/b.js"></script>', ["https://a.example/b.js"]),
-        ('<link rel="stylesheet" href="//a.example/b.css">', ["//a.example/b.css"]),
-        ('<img srcset="b.png 1x, http://a.example/c.png 2x">', ["http://a.example/c.png"]),
-        ('<style>@import "https://a.example/b.css";</style>', ["https://a.example/b.css"]),
-        ('<p style="background: url(https://a.example/b.png)">', ["https://a.example/b.png"]),
-        ('<a href="https://a.example"><img src="b.png"></a>', []),
-        ('<link rel="canonical" href="https://a.example"><script src="b.js"></script>', []),
-    ],
-)
-def test_what_a_page_loads_from_elsewhere_is_found(page: str, loads: list[str]):
-    outside = pytest.importorskip(
-        "_site.outside", reason="the site is built by sphinx: pip install 'cgroup[docs]'"
-    )
-    assert outside.loaded(page) == loads

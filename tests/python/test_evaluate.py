@@ -3,7 +3,7 @@
 import csv
 import itertools
 import json
-import time
+import re
 from dataclasses import fields, replace
 
 import numpy as np
@@ -28,14 +28,9 @@ from cgroup.evaluation.recall_protocols import (
     read_protocol,
     score_poses,
 )
-from cgroup.evaluation.result_files import (
-    PairErrors,
-    PairPoses,
-    read_results,
-    read_truth,
-)
-from cgroup.features import within
-from cgroup.io import read_cloud, read_transforms, write_file
+from cgroup.evaluation.result_files import PairErrors, PairPoses, read_results, read_truth
+from cgroup.features.cloud import within
+from cgroup.io import read_cloud, write_file
 from cgroup.io.transforms import format_log
 from cgroup.pose_graph.files import motion_lines
 from cgroup.rigid import apply, invert
@@ -142,9 +137,7 @@ def test_recalls_of_made_up_results_are_those_of_the_scripts(name, tmp_path, cap
     write_results(tmp_path / "logs", PairPoses("logs", truth.keys, noisy))
     files = [*(tmp_path / f"{label}.csv" for label in results), tmp_path / "logs"]
     asked = ("--protocol", name.lower(), "--truth", benchmark(name), "--json")
-    start = time.perf_counter()
     document = json.loads(succeed(capsys, "evaluate", *files, *asked))
-    assert time.perf_counter() - start < 2 * len(files)
     found = {one["name"]: one for one in document["results"]["methods"]}
     for label, (_, _, poses) in results.items():
         expected = recalls_of_scripts(truth, poses)
@@ -364,16 +357,6 @@ def test_the_text_has_every_table(folder, capsys):
     assert counts[1:5] == ["16", "0", "0", "2"]
 
 
-def test_tables_for_papers(folder, capsys):
-    rows = succeed(capsys, *asked(folder), "--markdown").splitlines()
-    assert [len(row.split("|")) for row in rows] == [9] * 4
-    assert rows[3].startswith("| theirs |")
-    latex = succeed(capsys, *asked(folder), "--latex").splitlines()
-    assert latex[0] == r"\begin{tabular}{lrrrrrr}"
-    assert latex[2].startswith("result & RMSE & ")
-    assert latex[5].endswith(r" \\")
-
-
 def test_names_of_files_are_text_in_every_table(folder, capsys):
     name = "[l](javascript:x)<script>^~\n\x1b[2J*|`&_%.csv"
     (folder / name).write_bytes((folder / "ours.csv").read_bytes())
@@ -386,6 +369,8 @@ def test_names_of_files_are_text_in_every_table(folder, capsys):
     assert "href" not in html
     assert html.count("<td") == 7
     latex = succeed(capsys, *asked(folder, name), "--latex").splitlines()
+    assert latex[0] == r"\begin{tabular}{lrrrrrr}"
+    assert latex[2].startswith("result & RMSE & ")
     assert latex[4].startswith(
         r"{[}l](javascript:x)\textless{}script\textgreater{}\textasciicircum{}\textasciitilde{}"
         r"\textbackslash{}n\textbackslash{}x1b{[}2J{*}\textbar{}`\&\_\% & "
@@ -394,7 +379,17 @@ def test_names_of_files_are_text_in_every_table(folder, capsys):
         assert "\x1b" not in text
 
 
-def test_the_document_lists_the_worst_poses(folder, capsys):
+def test_the_page_has_tables_curves_and_the_worst_poses(folder, capsys):
+    (folder / "<b>.csv").write_bytes((folder / "ours.csv").read_bytes())
+    page = folder / "page.html"
+    assert "wrote page.html to" in succeed(capsys, *asked(folder, "<b>.csv", "theirs"), "--html", page)
+    html = page.read_text()
+    assert html.count('class="scroll"') == html.count("<table") == html.count("<h2") > 3
+    assert html.count('role="img"') == 1
+    assert "RMSE: recall over the limits, times a factor" in html
+    rows = re.findall(r'<th[^>]*scope="row"[^>]*>(.*?)</th>', html)
+    assert {"&lt;b&gt;", "0.1 to 0.3", "2.0"} <= {*rows}  # also what the chart shows
+    assert "3DMatch: 30 pairs of 3 scenes; recalls in % with Wilson&#x27;s intervals of 95 %" in html
     ours, theirs = json.loads(succeed(capsys, *asked(folder), "--json"))["results"]["methods"]
     assert len(ours["worst"]) == min(20, ours["wrong"]) > 0
     assert theirs["worst"] == []
@@ -446,28 +441,19 @@ WRONG_FILES = {
     "words.csv": (HEAD + "hall,0,x,0,0,0,0,0,0,1\n", "line 2 isn't a pair and the numbers of its pose"),
     "short.csv": (HEAD + "hall,0,1,0,0\n", "line 2 isn't a pair"),
     "long.csv": (HEAD + "hall,0,1,0,0,0,0,0,0,2\n", "quaternion is of length 2"),
-    "wide.csv": (
-        HEAD + "\nhall,0,1,0,0,0,0,0,0,1,0\n",
-        "line 3 has more cells than the first; quote",
-    ),
+    "wide.csv": (HEAD + "\nhall,0,1,0,0,0,0,0,0,1,0\n", "line 3 has more cells than the first; quote"),
     "twice.csv": (HEAD + "hall,0,1,0,0,0,0,0,0,1\n" * 2, "pair hall/0-1 is there twice"),
     "back.csv": (HEAD + "hall,0,1,0,0,0,0,0,0,1\nhall,1,0,9,0,0,0,0,0,1\n", "pair hall/1-0 is there twice"),
     "hall.tum": ("1 0 0 0 0 0 0 1\n" * 2, "cloud 1 is there twice"),
-    "unknown.csv": (
-        HEAD + "cellar,0,1,0,0,0,0,0,0,1\n",
-        "none of its pairs, such as cellar/0-1, is in the truth",
-    ),
+    "unknown.csv": (HEAD + "cellar,0,1,0,0,0,0,0,0,1\n", "none of its pairs, such as cellar/0-1, is in the truth"),
     "cut.log": ("0 1 5\n1 0 0 0\n", "not a list of poses; 5 lines each"),
     "hall.log": ("0 1 5\n" + "2 0 0 0\n0 2 0 0\n0 0 2 0\n0 0 0 1\n", "scaled by 2, not a rotation"),
-    "nowhere.log": (
-        "0 1 5\n1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n",
-        "none of its pairs, such as nowhere/0-1, is in the truth",
-    ),
+    "nowhere.log": ("0 1 5\n1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n", "none of its pairs, such as nowhere/0-1, is in the truth"),
     "cut.npz": ("PK", "not a readable NPZ file"),
     "cut.json": ("{", "not a readable JSON file"),
     "cut.g2o": ("EDGE_SE3:QUAT 0 1", "needs 30 finite numbers"),
     "cut.tum": ("0 0 0\n", "a pose is 4 rows of 4 numbers"),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", WRONG_FILES)
@@ -512,25 +498,6 @@ def test_other_scenes_are_left_out_of_a_truth_of_one(folder, capsys):
     assert "theirs: 16 pairs are not in the truth, such as 7-scenes-redkitchen/0-1: left out" in text
 
 
-def test_pairs_count_by_the_difference_of_their_numbers(tmp_path, capsys):
-    rows = np.column_stack([[0, 1, 3, 4], [1, 0, 0, 1]])[:, ::-1]
-    (tmp_path / "truth.csv").write_text(
-        "target,source,tx,ty,tz,qx,qy,qz,qw\n"
-        + "".join(f"{i},{j},0,0,0,0,0,0,1\n" for i, j in rows[[0, 2, 3]])
-    )
-    truth = read_truth(tmp_path / "truth.csv")
-    scored = score_poses(truth, truth)
-    apart = read_protocol("3dmatch").recalls[1]
-    assert apart.counted(scored).tolist() == [False, True, True]
-    information = truth.information.copy()
-    information[1:] = np.eye(6)  # those of pairs that don't count aren't missed
-    truth = replace(truth, information=information)
-    assert apart.is_known(score_poses(truth, truth))
-    command = ("evaluate", tmp_path / "truth.csv", "--protocol", "3dmatch", "--truth", tmp_path / "one.csv")
-    (tmp_path / "one.csv").write_text("target,source,tx,ty,tz,qx,qy,qz,qw\n0,1,0,0,0,0,0,0,1\n")
-    assert json.loads(succeed(capsys, *command, "--json"))["results"]["main"] == 2
-
-
 def test_the_order_of_columns_does_not_matter(folder, capsys):
     lines = [line.split(",") for line in (folder / "ours.csv").read_text().splitlines()]
     order = [2, 0, 1, *np.arange(3, 15).reshape(3, 4).T.ravel().tolist()]
@@ -544,8 +511,10 @@ def test_the_order_of_columns_does_not_matter(folder, capsys):
 @pytest.mark.parametrize(
     ("arrays", "message"),
     [
-        ({"pairs": [[0, np.nan]], "poses": np.eye(4)[None]}, "give whole numbers"),
-        ({"pairs": [[0, 1.5]], "poses": np.eye(4)[None]}, "give whole numbers"),
+        *(
+            ({"pairs": [[0, number]], "poses": np.eye(4)[None]}, "give whole numbers")
+            for number in (np.inf, np.nan, 1e300, -1.0, 1.5, np.uint64(2**63))
+        ),
         ({"pairs": [[0, 1]], "poses": np.eye(4)[None, :3]}, "poses (1, 3, 4)"),
         ({"pairs": 1, "poses": 1}, "give whole numbers"),
         ({"pairs": [[0, 1]], "poses": np.eye(4)[None], "scenes": [7]}, "none of its pairs, such as 7/0-1"),
@@ -570,22 +539,6 @@ def test_times_tell_clouds_of_two_trajectories(tmp_path):
     (tmp_path / "long.kitti").write_text("1 0 0 0 0 1 0 0 0 0 1 0\n" * 1001)
     with pytest.raises(InputError, match="more than 1000 clouds; list the pairs that count"):
         read_truth(tmp_path / "long.kitti")
-
-
-def test_results_of_other_scenes_stand_apart(folder, capsys):
-    names = np.array(["a", "b"])
-    stats = np.zeros((2, 30, 5))
-    stats[1, :, 1:3] = 9
-    np.savez(folder / "dgr.npz", names=names, stats=stats)
-    rows = succeed(capsys, *asked(folder, "ours.csv", "dgr.npz"), "--wide").splitlines()
-    told = next(row.split() for row in rows if row.startswith("0 "))
-    assert told == ["0", "-", "100.0", "0.0"]
-    told = next(row.split() for row in rows if row.startswith("hall "))
-    assert told[2:] == ["-", "-"]
-    np.savez(folder / "dgr.npz", names=names, stats=stats[:, :7])
-    assert "RESULT: of 7 and 30 pairs" in fail(capsys, *asked(folder, "ours.csv", "dgr.npz"))
-    np.savez(folder / "dgr.npz", names=names, stats=stats[0])
-    assert "DGR's is (methods, pairs, 5)" in fail(capsys, *asked(folder, "dgr.npz"))
 
 
 def test_results_are_tested_on_the_same_pairs_in_any_order(folder, tmp_path, capsys):
@@ -627,16 +580,6 @@ def test_without_information_the_first_recall_that_is_known_leads(folder, capsys
     assert "no recall is known for all results; RMSE needs gt.info" in fail(capsys, *command)
 
 
-def test_pairs_that_the_truth_lacks_are_counted(folder, capsys):
-    (ours,) = read_results(folder / "ours.csv")
-    assert not isinstance(ours, PairErrors)
-    keys = [*ours.keys, ("hall", 7, 9)]
-    more = PairPoses("more", keys, np.concatenate([ours.poses, ours.poses[:1]]))
-    write_results(folder / "more.csv", more)
-    text = succeed(capsys, *asked(folder, "more.csv"), "--wide")
-    assert "more: 1 pairs are not in the truth, such as hall/7-9: left out" in " ".join(text.split())
-
-
 @given(st.lists(st.tuples(st.integers(0, 20), st.integers(0, 20)), min_size=1, max_size=6))
 def test_intervals_are_wilsons_and_those_of_means_combined(counts):
     counts = [(right, max(1, right + wrong)) for right, wrong in counts]
@@ -675,7 +618,7 @@ voxel = 0.05
 loose = "3dmatch"
 strict = "3dmatch-strict"
 preset = "3dmatch"
-pairs = 4
+pairs = 2
 """
     serial(text, tmp_path, root=data_folder("threedmatch"))
     rows = tables.load(tmp_path, "matches")
@@ -714,23 +657,3 @@ def test_what_is_no_result_is_refused(tmp_path, name, content):
     (tmp_path / name).write_text(content)
     with pytest.raises(InputError, match=name):
         read_truth(tmp_path / name)
-
-
-@pytest.mark.parametrize("number", [np.inf, np.nan, 1e300, -1.0, 0.5, np.uint64(2**63)])
-def test_pairs_of_no_whole_numbers_are_refused(tmp_path, number):
-    np.savez(tmp_path / "a.npz", pairs=np.array([[0, number]]), poses=np.eye(4)[None])
-    with pytest.raises(InputError, match="give whole numbers"):
-        read_truth(tmp_path / "a.npz")
-
-
-def test_all_pairs_of_clouds_are_those_of_single_solutions(tmp_path):
-    rng = np.random.default_rng(1)
-    turns = rng.normal(size=(160, 4))
-    turns /= np.linalg.norm(turns, axis=1, keepdims=True)
-    rows = np.column_stack([np.arange(160), rng.normal(size=(160, 3)), turns])
-    np.savetxt(tmp_path / "a.tum", rows, fmt="%.17g")
-    poses, truth = read_transforms(tmp_path / "a.tum"), read_truth(tmp_path / "a.tum")
-    assert len(truth.keys) == 160 * 159 / 2
-    for row in rng.integers(0, len(truth.keys), 50):
-        _, i, j = truth.keys[row]
-        np.testing.assert_allclose(truth.poses[row], np.linalg.solve(poses[i], poses[j]), atol=1e-12)

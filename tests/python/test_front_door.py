@@ -2,11 +2,12 @@
 
 import inspect
 import pickle
+import re
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,13 +17,13 @@ from cgroup import Correspondences, InputError
 from cgroup.datasets import make_problem, standin_pair
 from cgroup.io import read_cloud, write_cloud
 from cgroup.registration import PreparedScan, prepare, register, register_many
-from cgroup.registry import METHODS, MethodName
 
 PAIR = standin_pair(pixels=80)
 PROBLEM = make_problem(np.random.default_rng(0), 300, inlier_ratio=0.3)
 MATCHES = PROBLEM.correspondences()
 LAZY = """
 import sys, cgroup
+assert not hasattr(cgroup, "registr")
 heavy = ("cgroup.registration", "cgroup.io", "cgroup.features", "cgroup.plots", "matplotlib")
 assert not [name for name in heavy if name in sys.modules], "loaded too early"
 assert {"register", "read_cloud", "io", "features", "gtm"} <= set(dir(cgroup))
@@ -38,11 +39,6 @@ assert cgroup.features.resolution and cgroup.plots and cgroup.evaluation and cgr
 
 def test_a_bare_import_has_what_people_look_for_and_loads_it_late() -> None:
     subprocess.run([sys.executable, "-c", LAZY], check=True, timeout=300)
-
-
-def test_names_that_nobody_has_are_missing() -> None:
-    with pytest.raises(AttributeError, match="module 'cgroup' has no attribute 'registr'"):
-        _ = cgroup.registr  # type: ignore[attr-defined]
 
 
 @pytest.fixture(name="files")
@@ -81,40 +77,31 @@ def test_paths_that_are_no_clouds(cloud: str, words: str) -> None:
 def test_a_cloud_in_place_of_normals_is_refused(
     files: tuple[Path, Path], kind: Callable[[Path], Any]
 ) -> None:
-    points, normals, features = PAIR.source.points, kind(files[0]), cgroup.features
+    points, normals = PAIR.source.points, kind(files[0])
     calls: list[Callable[[], object]] = [
-        lambda: features.fpfh(points, normals, radius=5),
-        lambda: features.voxel_downsample(points, 5, normals=normals),
-        lambda: features.harris3d(points, radius=5, normals=normals),
-        lambda: cgroup.verification.Surface(points, normals, unit=5),
+        lambda: cgroup.features.fpfh(points, normals, radius=5),
         lambda: cgroup.register(cgroup.types.PointCloud(points, normals), PAIR.target),
     ]
     for call in calls:
-        with pytest.raises(
-            InputError, match="normals: got .*; give \\(n,3\\) real numbers, one normal per point"
-        ):
+        with pytest.raises(InputError, match=r"normals: got .*; give \(n,3\) real numbers, one normal"):
             call()
 
 
 @pytest.mark.parametrize(
-    ("option", "meant"),
+    ("option", "says"),
     [
-        ("voxel_size", "voxel"),
-        ("num_threads", "threads"),
-        ("max_correspondence_distance", "tolerance"),
-        ("viewpont", "viewpoint"),
-        ("mode", "modes"),
+        ("voxel_size", "there is no 'voxel_size' (did you mean 'voxel'?)"),
+        ("viewpont", "there is no 'viewpont' (did you mean 'viewpoint'?)"),
+        (
+            "max_correspondence_distance",
+            "lc has no 'max_correspondence_distance' (did you mean 'tolerance'?)",
+        ),
+        ("frobnicate", "lc has no 'frobnicate'; it takes tolerance"),
     ],
 )
-def test_unknown_options_say_which_was_meant(option: str, meant: str) -> None:
-    called = "there is" if meant in {"voxel", "threads", "viewpoint"} else "lc has"
-    with pytest.raises(InputError, match=f"{called} no '{option}' \\(did you mean '{meant}'\\?\\)"):
+def test_unknown_options_say_which_was_meant(option: str, says: str) -> None:
+    with pytest.raises(InputError, match=re.escape(says)):
         cgroup.register(PAIR.source, PAIR.target, **{option: 1})
-
-
-def test_unknown_options_that_resemble_nothing() -> None:
-    with pytest.raises(InputError, match="lc has no 'frobnicate'; it takes tolerance"):
-        cgroup.register(PAIR.source, PAIR.target, frobnicate=1)
 
 
 @pytest.mark.parametrize("place", [(0.0, 0.0, 0.0), [0, 0, 0], np.zeros(3)])
@@ -145,16 +132,13 @@ SOURCE, TARGET = PROBLEM.source, PROBLEM.target
     ("call", "words"),
     [
         (lambda: cgroup.gtm(SOURCE, TARGET, treshold=0.5), "gtm has no 'treshold' (did you mean 'threshold'?)"),  # type: ignore[call-arg]
-        (lambda: cgroup.gc(SOURCE, TARGET, inlier_threshold=0.5), "did you mean 'tolerance'?"),  # type: ignore[call-arg]
         (lambda: cgroup.group(MATCHES, "gtm", treshold=0.5), "gtm has no 'treshold' (did you mean 'threshold'?)"),
         (lambda: cgroup.group(MATCHES, "ransac", max_iteration=9), "did you mean 'iterations'?"),
         (lambda: cgroup.group(MATCHES, resolution=1.0), "Correspondences(source, target, resolution=...)"),
         (lambda: cgroup.group_many([MATCHES], num_threads=1), "did you mean 'threads'?"),
         (lambda: prepare(PAIR.source, voxel_size=1.0), "prepare has no 'voxel_size' (did you mean 'voxel'?)"),  # type: ignore[call-arg]
-        (lambda: cgroup.features.normals(SOURCE, max_nn=9), "did you mean 'neighbors'?"),  # type: ignore[call-arg]
         (lambda: register_many([PAIR.source, PAIR.target], viewpoint_s=1), "did you mean 'viewpoints'?"),
         (lambda: cgroup.gtm(SOURCE, TARGET, 0.5), "got 3 by position; gtm takes source, target so, and options by name"),  # type: ignore[misc]
-        (lambda: cgroup.group(SOURCE, TARGET, "gtm"), 'group(Correspondences(source, target), "gtm"), or call gtm('),  # type: ignore[misc,arg-type]
         (lambda: cgroup.group(SOURCE, TARGET), 'group(Correspondences(source, target), "gtm"), or call gtm('),  # type: ignore[arg-type]
         (lambda: cgroup.gtm(np.ones((9, 4)), np.ones((9, 3))), "such as cloud[:, :3]"),
     ],
@@ -187,10 +171,6 @@ def test_errors_from_within_a_function_stay_what_they_are() -> None:
 
     with pytest.raises(TypeError, match="mine"):
         prepare(PAIR.source, progress=fail)
-
-
-def test_names_of_methods_for_editors_are_those_that_there_are() -> None:
-    assert get_args(MethodName) == tuple(METHODS)
 
 
 def test_lc_is_the_default() -> None:

@@ -10,47 +10,44 @@ import pytest
 from pair_measures import matching, residual, share_right
 from scipy.spatial.distance import pdist
 
-from cgroup import InputError, features, group
+from cgroup import InputError
 from cgroup.datasets import make_problem, open_dataset, standin_pair
 from cgroup.datasets.generated import stones
 from cgroup.datasets.generated.scanner import Mesh, range_image
 from cgroup.datasets.generated_matches import FRAMES, SCENES, make_scene
-from cgroup.evaluation import overlap
-from cgroup.evaluation.ground_truth import OVERLAP_WITHIN, triangle_areas
-from cgroup.features import within
-from cgroup.registration import correspond
+from cgroup.evaluation.ground_truth import OVERLAP_WITHIN, VISIBLE_WITHIN, triangle_areas
+from cgroup.features.cloud import within
 from cgroup.rigid import check_rigid
 
 
-def test_same_seed_same_pair():
-    first, second, other = (standin_pair(seed=seed, pixels=SMALL) for seed in (3, 3, 4))
-    np.testing.assert_array_equal(first.source.points, second.source.points)
-    np.testing.assert_array_equal(first.target.points, second.target.points)
-    np.testing.assert_array_equal(first.T_target_source, second.T_target_source)
-    assert len(other.source) != len(first.source) or (other.source.points != first.source.points).any()
+def draw(**options):
+    return make_problem(np.random.default_rng(0), **{"n": 10, **options})
 
 
-def test_same_seed_same_problem():
-    first, second, other = (make_problem(np.random.default_rng(seed), 50) for seed in (1, 1, 2))
-    np.testing.assert_array_equal(first.source, second.source)
-    np.testing.assert_array_equal(first.ratio, second.ratio)
-    assert (first.source != other.source).all()
-
-
-@pytest.mark.parametrize(
-    ("name", "value"), [("turn", -1), ("turn", np.nan), ("noise", -0.1), ("noise", np.inf), ("pixels", 3)]
-)
-def test_no_pair_of_bad_arguments(name, value):
-    with pytest.raises(InputError, match=name):
-        standin_pair(**{name: value})
+def test_the_seed_decides():
+    pairs = [standin_pair(seed=seed, pixels=SMALL) for seed in (3, 3, 4)]
+    problems = [make_problem(np.random.default_rng(seed), 50) for seed in (3, 3, 4)]
+    for first, second, other in (
+        [(pair.source.points, pair.target.points, pair.T_target_source) for pair in pairs],
+        [(problem.source, problem.ratio, problem.T_target_source) for problem in problems],
+    ):
+        assert all(map(np.array_equal, first, second))
+        assert not any(map(np.array_equal, first, other))
 
 
 @pytest.mark.parametrize(
-    ("name", "value"), [("n", -1), ("inlier_ratio", 1.1), ("clutter", -0.1), ("missing_frames", np.nan)]
+    ("make", "name", "value"),
+    [
+        *(
+            (standin_pair, *wrong)
+            for wrong in (("turn", -1), ("turn", np.nan), ("noise", np.inf), ("pixels", 3))
+        ),
+        *((draw, *wrong) for wrong in (("n", -1), ("inlier_ratio", 1.1), ("missing_frames", np.nan))),
+    ],
 )
-def test_no_problem_of_bad_arguments(name, value):
+def test_bad_arguments_are_refused(make, name, value):
     with pytest.raises(InputError, match=name):
-        make_problem(np.random.default_rng(0), **{"n": 10, name: value})
+        make(**{name: value})
 
 
 # --- scanner ------------------------------------------------------------------------------------
@@ -81,13 +78,6 @@ def test_scanner_sees_a_wall_behind_a_smaller_one() -> None:
     assert len(both.points()) == front.sum()
 
 
-def test_oblique_surfaces_return_nothing() -> None:
-    tilt = np.radians(80)
-    turned = SQUARE @ np.array([[1, 0, 0], [0, np.cos(tilt), np.sin(tilt)], [0, -np.sin(tilt), np.cos(tilt)]])
-    mesh = Mesh(turned - [0, 0, 50], np.array([[0, 1, 2], [0, 2, 3]]))
-    assert len(look(mesh, step=1e-3, two_sided=True).points()) == 0
-
-
 # --- the pair of the demonstration --------------------------------------------------------------
 
 
@@ -111,18 +101,6 @@ def test_pose_lays_the_views_on_each_other(seed: int) -> None:
     wrong = pose.copy()
     wrong[:3, 3] += 4 * step
     assert within(pair.source.transformed(wrong).points, pair.target.points, step).mean() < 0.5 * near.mean()
-
-
-def test_demo_pair_is_partial() -> None:
-    pair = standin_pair()
-    pr = features.resolution(pair.source.points)
-    share = overlap(
-        pair.source.points, pair.target.points, pair.T_target_source, tolerance=OVERLAP_WITHIN * pr
-    )
-    assert 0.6 < share < 0.97
-    for cloud in (pair.source, pair.target):
-        assert 9_000 < len(cloud) < 25_000
-        assert (cloud.points[:, 2] < 0).all()  # the scanner looks along -z
 
 
 def test_noise_is_along_the_line_of_sight() -> None:
@@ -166,41 +144,30 @@ def test_standins_are_reproducible_and_posed(name: str, count: int, pair_name: s
         dataset.load("x")
 
 
-def test_standin_clutter_spans_a_range() -> None:
-    names = [f"scene{scene}-stone{number}" for scene in (0, 2) for number in range(4)]
-    facts = [standin("standin-clutter", name).facts for name in names]
-    for fact, low, high in (("clutter", 0.76, 0.88), ("occlusion", 0.7, 0.85)):
-        values = [pair[fact] for pair in facts]
-        assert 0.5 < min(values) < low
-        assert high < max(values) < 0.96
-
-
-def test_standin_views_overlap_less_and_less() -> None:
-    shares = [standin("standin-views", name).facts["overlap"] for name in ("views0", "views5", "views11")]
-    assert shares[0] > 0.95
-    assert 0.5 < shares[1] < 0.9
-    assert 0.15 < shares[2] < 0.5
-
-
 @pytest.mark.parametrize(
-    ("name", "pair_name", "share"),
-    [
-        ("standin-full", "stone2", 0.95),
-        ("standin-clutter", "scene0-stone2", 0.01),
-        ("standin-views", "views0", 0.2),
-    ],
+    ("name", "pair_name", "usual"),
+    [("standin-clutter", "scene0-stone2", VISIBLE_WITHIN), ("standin-views", "views5", OVERLAP_WITHIN)],
 )
-def test_standins_have_correct_matches(name: str, pair_name: str, share: float) -> None:
-    pair = standin(name, pair_name)
-    found = correspond(
-        pair.source,
-        pair.target,
-        normals=pair.normals,
-        source_viewpoint=pair.source_viewpoint,
-        target_viewpoint=pair.target_viewpoint,
-    )
-    assert 300 <= len(found) <= 1000
-    assert share_right(found, pair.T_target_source) > share
+def test_facts_are_measured_with_the_bound_that_is_asked_for(name: str, pair_name: str, usual: float) -> None:
+    dataset, facts = open_dataset(name), standin(name, pair_name).facts
+    assert dataset.measure_facts(pair_name, bound=usual) == facts
+    for fact, tight, wide in (("clutter", 0.99, 0.01), ("occlusion", 0.99, 0.01), ("overlap", 0.01, 0.99)):
+        if fact in facts:
+            shares = [dataset.measure_facts(pair_name, bound=bound)[fact] for bound in (0.01, usual, 1000)]
+            assert shares in (sorted(shares), sorted(shares, reverse=True))
+            assert abs(shares[0] - tight) < 0.05
+            assert abs(shares[2] - wide) < abs(shares[1] - wide)
+    for bound in (0, -1, np.nan, np.inf):
+        with pytest.raises(InputError, match="bound: got"):
+            dataset.measure_facts(pair_name, bound=bound)
+    with pytest.raises(InputError, match="no pair 'x'"):
+        dataset.measure_facts("x", bound=2)
+
+
+def test_pairs_without_such_facts_have_none_to_be_measured() -> None:
+    assert open_dataset("standin-full").measure_facts("stone2", bound=2) == {}
+    matches = open_dataset("generated-matches")
+    assert matches.measure_facts(matches.pair_names()[0], bound=2) == {}
 
 
 # --- data set of matches ------------------------------------------------------------------------
@@ -219,13 +186,6 @@ def test_generated_matches_are_what_their_names_say(scene: str, frames: str) -> 
     assert (matches.source_lrf is None) == (frames == "none")
     repeats = len(matches) / len(np.unique(matches.source, axis=0))
     assert repeats == (3 if scene == "one-to-three" else 1)
-
-
-def test_frames_change_nothing_else() -> None:
-    dataset = open_dataset("generated-matches")
-    pairs = [dataset.load(f"planes/n50/inliers0.2/noise1/{frames}-frames/0") for frames in FRAMES]
-    for pair in pairs[1:]:
-        np.testing.assert_array_equal(pair.correspondences.target, pairs[0].correspondences.target)
 
 
 @pytest.mark.parametrize("scene", ["second-pose", "mirror"])
@@ -256,20 +216,6 @@ def test_generated_matches_refuse_other_names(name: str, says: str) -> None:
 
 PLAIN = {"repeated_targets": 0.0, "random_frames": 0.0, "frame_error": 0.0}
 SURFACE_RADIUS = 102.61  # mean distance of the surface's points from the origin
-
-
-def test_means_of_the_distribution():
-    drawn = make_problem(np.random.default_rng(1), 20_000, inlier_ratio=0.4, noise=0.5, **PLAIN)
-    right = drawn.inlier_mask
-    assert right.sum() == 8_000
-    # A beta distribution's mean is a / (a + b).
-    assert drawn.ratio[right].mean() == pytest.approx(4.0 / 5.8, abs=0.01)
-    assert drawn.ratio[~right].mean() == pytest.approx(9.0 / 10.2, abs=0.01)
-    assert drawn.similarity[right].mean() == pytest.approx(5.0 / 7.0, abs=0.01)
-    assert drawn.similarity[~right].mean() == pytest.approx(4.0 / 7.0, abs=0.01)
-    few = make_problem(np.random.default_rng(1), 20_000, inlier_ratio=0.05, noise=0.5, **PLAIN)
-    assert few.ratio[few.inlier_mask].mean() == pytest.approx(6.0 / 7.4, abs=0.02)
-    assert np.linalg.norm(drawn.source, axis=1).mean() == pytest.approx(SURFACE_RADIUS, abs=0.5)
 
 
 def test_the_pose_explains_the_inliers_and_no_outlier():
@@ -307,10 +253,3 @@ def test_nuisances_have_the_size_asked_for():
     assert np.linalg.norm(drawn.source_centroid) == pytest.approx(100.0)
     around = np.linalg.norm(drawn.source - drawn.source_centroid, axis=1).mean()
     assert around == pytest.approx(0.3 * 0.01 * SURFACE_RADIUS, rel=0.02)
-
-
-def test_correspondences_are_what_a_method_takes():
-    drawn = make_problem(np.random.default_rng(4), 200, inlier_ratio=0.5, noise=0.5)
-    found = group(drawn.correspondences(), "gc").mask
-    assert (found & drawn.inlier_mask).sum() > 0.8 * drawn.inlier_mask.sum()
-    assert repr(drawn) == "MatchingProblem(n=200, inliers=100)"

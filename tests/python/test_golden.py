@@ -1,7 +1,6 @@
 """Against what PCL 1.13 computes: on small generated shapes and matches, and on three real clouds.
 
-The small ones lie in ``tests/golden`` beside the script that made them. The real clouds are research data and
-not part of this repository: CGROUP_SHARED names their folder, by default the sibling `shared` of the checkout.
+The small ones are in ``tests/golden`` beside the script that made them; the real ones are research data.
 """
 
 from pathlib import Path

@@ -138,24 +138,6 @@ def test_transforms_and_correspondences_with_marks_and_comments(tmp_path: Path) 
     np.testing.assert_array_equal(read_correspondences(tmp_path / "c.csv").target, [[4, 5, 6]])
 
 
-def test_control_characters_of_a_file_are_not_passed_on(tmp_path: Path) -> None:
-    bad = b"\x1b[2J\xea\x9f\x94".join([b"1 2 ", b"\n"])
-    names = {
-        "a.xyz": b"1 2 3\n" + bad,
-        "a.ply": b"ply\nformat " + bad,
-        "a.npy": CLOUDS["points.npy"][:30] + bad * 9,
-    }
-    for name, content in names.items():
-        (tmp_path / name).write_bytes(content)
-        with pytest.raises(InputError, match=name) as caught:
-            read_cloud(tmp_path / name)
-        assert str(caught.value).isprintable()
-    np.savez(tmp_path / "a.npz", **{"\x1b[2J": np.zeros(3)})
-    with pytest.raises(InputError, match="it holds") as caught:
-        read_correspondences(tmp_path / "a.npz")
-    assert str(caught.value).isprintable()
-
-
 # --- NPZ -------------------------------------------------------------------------------------
 
 
@@ -202,22 +184,6 @@ def test_only_files_are_read(read: Callable[[Path], object], tmp_path: Path) -> 
         }.items():
             with pytest.raises(InputError, match=says):
                 read(tmp_path / f"{name}.npz")
-
-
-@posix_only
-def test_a_file_that_shrinks_is_cut_off(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = tmp_path / "a.npy"
-    path.write_bytes(CLOUDS["points.npy"])
-    whole = os.fstat
-
-    def fstat(descriptor: int) -> os.stat_result:
-        status = whole(descriptor)
-        os.truncate(path, 100)
-        return status
-
-    monkeypatch.setattr(os, "fstat", fstat)
-    with pytest.raises(InputError, match="not a readable NPY file"):
-        read_cloud(path)
 
 
 # --- interruption ----------------------------------------------------------------------------

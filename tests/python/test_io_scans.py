@@ -18,9 +18,10 @@ from gltf_files import document, glb, gltf, mesh
 from pypcd4 import PointCloud as PcdCloud
 
 from cgroup import features
+from cgroup.datasets import standin_pair
 from cgroup.errors import InputError
 from cgroup.io import PointCloud, read_cloud, read_depth, write_cloud
-from cgroup.registration import prepare, register
+from cgroup.registration import prepare
 
 HALF = 0.5**0.5
 TURNED = [[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]  # by 90 degrees about z
@@ -146,33 +147,17 @@ def test_colors_of_other_libraries_are_written(tmp_path: Path) -> None:
 
 
 def test_viewpoints_of_files_are_taken(tmp_path: Path) -> None:
-    from cgroup.datasets import standin_pair  # noqa: PLC0415 - a second to draw
-
-    pair = standin_pair(pixels=45)
+    points = standin_pair(pixels=45).source.points
     away = np.eye(4)
     away[:3, 3] = [7, 8, 9]  # the origin can't be told from a place that isn't known
-    clouds = {
-        name: PointCloud(getattr(pair, name).points, viewpoint=np.zeros(3)).transformed(away)
-        for name in ("source", "target")
-    }
-    for name, cloud in clouds.items():
-        write_cloud(tmp_path / f"{name}.pcd", cloud)
-        write_cloud(tmp_path / f"{name}.ply", cloud)
-    plain = [tmp_path / "source.ply", tmp_path / "target.ply"]
-    known = [tmp_path / "source.pcd", tmp_path / "target.pcd"]
-
-    unknown = register(*plain)
-    given = register(*plain, viewpoint=(7, 8, 9))
-    taken = register(*known)
-    np.testing.assert_array_equal(taken.T_target_source, given.T_target_source)
-    assert taken.probability == given.probability
-    assert not np.array_equal(taken.T_target_source, unknown.T_target_source)
-
-    assert prepare(known[0]).viewpoint == (7, 8, 9)
-    assert prepare(known[0], viewpoint=(1, 2, 300)).viewpoint == (1, 2, 300)
-    assert prepare(plain[0]).viewpoint is None
+    cloud = PointCloud(points, viewpoint=np.zeros(3)).transformed(away)
+    for name in ("a.ply", "a.pcd"):
+        write_cloud(tmp_path / name, cloud)
+    assert prepare(tmp_path / "a.ply").viewpoint is None
+    known = tmp_path / "a.pcd"
+    assert prepare(known).viewpoint == (7, 8, 9)
+    assert prepare(known, viewpoint=(1, 2, 300)).viewpoint == (1, 2, 300)
     # What can't be meant is as though it wasn't there; that of a whole model isn't asked for.
-    cloud = read_cloud(known[0])
     assert prepare(PointCloud(cloud.points, viewpoint=np.full(3, 1e9))).viewpoint is None
     normals = cloud.points / np.linalg.norm(cloud.points, axis=1, keepdims=True)
     model = PointCloud(cloud.points, normals, viewpoint=cloud.viewpoint)
@@ -455,10 +440,7 @@ def changed(change: Callable[[dict[str, Any]], object]) -> bytes:
     ("change", "says"),
     [
         (lambda d: d["nodes"].append({"children": [0, 0]}), "two parents"),
-        (
-            lambda d: d.update(nodes=[{"children": [0]}], scenes=[{"nodes": [0]}]),
-            "two parents, or is its own",
-        ),
+        (lambda d: d.update(nodes=[{"children": [0]}], scenes=[{"nodes": [0]}]), "two parents, or is its own"),
         (lambda d: d["nodes"].append({"mesh": -1}), r"meshes has no entry -1, only 1"),
         (lambda d: d["accessors"][0].update(count=5), "5 rows from byte 0 on in 48 of 48 bytes"),
         (lambda d: d["accessors"][0].update(count=-5), "-5, where a whole number"),
@@ -471,15 +453,12 @@ def changed(change: Callable[[dict[str, Any]], object]) -> bytes:
         (lambda d: d["buffers"][0].update(byteLength=10**15), "buffer 0 has"),
         (lambda d: d["buffers"][0].update(uri="other.bin"), "no .bin file beside it|no such file"),
         (lambda d: d["asset"].update(version="1.0"), "version 1.0; version 2 is read"),
-        (
-            lambda d: d["meshes"][0]["primitives"][0].update(extensions={"KHR_draco_mesh_compression": {}}),
-            "Draco",
-        ),
+        (lambda d: d["meshes"][0]["primitives"][0].update(extensions={"KHR_draco_mesh_compression": {}}), "Draco"),
         (lambda d: d["bufferViews"][0].update(extensions={"EXT_meshopt_compression": {}}), "meshopt"),
         (lambda d: d.update(nodes="abc"), "not a readable"),
         (lambda d: d["nodes"][0].update(matrix=[1, 2]), "not a readable"),
     ],
-)
+)  # fmt: skip
 def test_damaged_gltf_says_why(change: Callable[[dict[str, Any]], object], says: str, read: Read) -> None:
     refuse(read, "a.glb", changed(change), says)
 
