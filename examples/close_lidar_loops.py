@@ -67,7 +67,7 @@ def pose(x: float, y: float, heading: float) -> np.ndarray:
     return np.array([[cos, -sin, 0, x], [sin, cos, 0, y], [0, 0, 1, 1.8], [0, 0, 0, 1]])
 
 
-along = np.arange(-60, 61, 15)
+along = np.arange(-45, 46, 15)
 drive = [pose(-1.5, y, np.pi / 2) for y in along] + [pose(1.5, y - 4, -np.pi / 2) for y in along[::-1]]
 street = boxes_of_a_street()
 scans = [scan(street, place) for place in drive]

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cgroup import InputError, features
@@ -55,6 +55,7 @@ def same_bits(one: Alignment, other: Alignment) -> bool:
     return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in names)
 
 
+@settings(max_examples=30)
 @given(
     seed=st.integers(0, 2**32 - 1),
     unit=st.sampled_from([1e-3, 1.0, 250.0]),
@@ -86,6 +87,7 @@ def test_equals_the_reference(seed: int, unit: float, offset: float, away: float
         assert (found.open_motion is not None) == (expected.resistance < reference.OPEN)
 
 
+@settings(max_examples=30)
 @given(
     seed=st.integers(0, 2**32 - 1),
     unit=st.sampled_from([1e-3, 1.0, 250.0]),

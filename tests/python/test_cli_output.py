@@ -226,23 +226,14 @@ def test_a_dumb_terminal_gets_no_spinner(
 # --- completion ----------------------------------------------------------------------------------
 
 
-def complete(**environment: str) -> str:
-    done = subprocess.run(
-        PROGRAM, env={**os.environ, **environment}, capture_output=True, text=True, check=True
-    )
-    return done.stdout
-
-
-@pytest.mark.parametrize(
-    ("words", "expected"),
-    [
+def test_bash_completes() -> None:
+    for words, expected in (
         ("cgroup group --method s", ["ss", "si", "st", "sc2pcr"]),
         ("cgroup benchmark run sm", ["smoke"]),
-    ],
-)
-def test_bash_completes(words: str, expected: list[str]) -> None:
-    place = {"COMP_WORDS": words, "COMP_CWORD": str(words.count(" "))}
-    assert complete(_CGROUP_COMPLETE="complete_bash", **place).split() == expected
+    ):
+        place = {"COMP_WORDS": words, "COMP_CWORD": str(words.count(" "))}
+        environment = {**os.environ, "_CGROUP_COMPLETE": "complete_bash", **place}
+        assert subprocess.check_output(PROGRAM, env=environment, text=True).split() == expected
 
 
 SLOW = "rich matplotlib plotly pandas pydantic platformdirs scipy trimesh pypcd4 laspy"

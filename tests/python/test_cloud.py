@@ -1,9 +1,7 @@
 """A cloud that is made ready once gives what its array gives, in any order, thread and process."""
 
 import gc
-import threading
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -47,20 +45,6 @@ def test_steps_in_any_order_are_those_of_the_array(seed: int) -> None:
     np.random.default_rng(seed).shuffle(names)
     for name in names:
         assert_same(steps[name](), EXPECTED[name])
-
-
-def test_threads_share_a_cloud() -> None:
-    steps = all_steps(features.Cloud(POINTS))
-    together = threading.Barrier(4)
-
-    def run_from(first: int) -> dict[str, Any]:
-        together.wait()
-        return {name: steps[name]() for name in [*list(steps)[first:], *list(steps)[:first]]}
-
-    with ThreadPoolExecutor(4) as pool:
-        for results in pool.map(run_from, (0, 4, 7, 9)):
-            for name, got in results.items():
-                assert_same(got, EXPECTED[name])
 
 
 @posix_only

@@ -498,6 +498,16 @@ def test_other_scenes_are_left_out_of_a_truth_of_one(folder, capsys):
     assert "theirs: 16 pairs are not in the truth, such as 7-scenes-redkitchen/0-1: left out" in text
 
 
+def test_pairs_count_by_the_difference_of_their_numbers():
+    keys = [("hall", 0, 1), ("hall", 3, 0), ("hall", 1, 0), ("hall", 1, 4)]
+    rmse, no = np.array([np.nan, 0, np.nan, 0]), np.zeros(4, dtype=bool)
+    found = PairErrors("made", keys, np.zeros(4), np.zeros(4), rmse, no, no, np.zeros(4))
+    apart = read_protocol("3dmatch").recalls[1]
+    assert apart.counted(found).tolist() == [False, True, False, True]
+    assert apart.is_known(found)
+    assert not apart.is_known(replace(found, rmse=rmse[::-1]))
+
+
 def test_the_order_of_columns_does_not_matter(folder, capsys):
     lines = [line.split(",") for line in (folder / "ours.csv").read_text().splitlines()]
     order = [2, 0, 1, *np.arange(3, 15).reshape(3, 4).T.ravel().tolist()]

@@ -141,6 +141,7 @@ class TestAgainstReference:
             }
         ),
     )
+    @settings(max_examples=30)
     def test_fpfh(self, seed, options):
         points = surface(seed, 90)
         points[7] = points[3]
@@ -429,6 +430,10 @@ UP = np.tile([0.0, 0.0, 1.0], (len(GOOD_POINTS), 1))
         (lambda: features.shot(GOOD_POINTS, UP, [0, 160], radius=1), "keypoints: got index 160 in row 1"),
         (lambda: features.shot(GOOD_POINTS, UP, [-1], radius=1), "keypoints: got index -1"),
         (lambda: features.shot(GOOD_POINTS, UP, [0.5], radius=1), "keypoints.*whole numbers"),
+        (
+            lambda: features.shot(GOOD_POINTS, UP, np.array([2**63], np.uint64), radius=1),
+            "keypoints: got index 9",
+        ),
         (lambda: features.shot(GOOD_POINTS, UP[1:], [0], radius=1), "normals: got 159 rows"),
         (lambda: features.shot(GOOD_POINTS, UP, [0], radius=np.inf), "radius"),
         (lambda: features.shot(GOOD_POINTS, UP, [0], radius=1, lrf=np.eye(3)), "lrf"),

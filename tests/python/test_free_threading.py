@@ -11,7 +11,7 @@ import pytest
 
 from cgroup import Correspondences, group
 from cgroup.datasets import make_problem, standin_pair
-from cgroup.features import normals
+from cgroup.features import Cloud, harris3d, normals
 from cgroup.registry import METHOD_INFO
 from cgroup.verification import Surface, score_poses
 
@@ -52,6 +52,13 @@ def test_methods_side_by_side(name: str, matches: Correspondences):
     for together in run_at_once(lambda: group(matches, name, threads=2)):
         assert np.array_equal(together.mask, alone.mask)
         assert np.array_equal(together.transform(), alone.transform())
+
+
+def test_one_cloud_for_all_threads():
+    points = standin_pair(pixels=60).source.points
+    alone, cloud = harris3d(points), Cloud(points)  # its tree is built when it is first looked into
+    for together in run_at_once(lambda: harris3d(cloud)):
+        assert np.array_equal(together, alone)
 
 
 def test_one_surface_for_all_threads():

@@ -78,6 +78,13 @@ def test_scanner_sees_a_wall_behind_a_smaller_one() -> None:
     assert len(both.points()) == front.sum()
 
 
+def test_oblique_surfaces_return_nothing() -> None:
+    tilt = np.radians(80)
+    turned = SQUARE @ np.array([[1, 0, 0], [0, np.cos(tilt), np.sin(tilt)], [0, -np.sin(tilt), np.cos(tilt)]])
+    mesh = Mesh(turned - [0, 0, 50], np.array([[0, 1, 2], [0, 2, 3]]))
+    assert len(look(mesh, step=1e-3, two_sided=True).points()) == 0
+
+
 # --- the pair of the demonstration --------------------------------------------------------------
 
 

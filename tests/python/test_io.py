@@ -75,6 +75,9 @@ def test_leaves_out_points_that_are_not_finite(tmp_path: Path) -> None:
     cloud = read_cloud(tmp_path / "a.pcd")
     np.testing.assert_array_equal(cloud.points, TETRAHEDRON[[0, 2]])
     assert cloud.dropped == 2
+    nowhere = CLOUDS["binary.pcd"].replace(b"VIEWPOINT 0 0 0", b"VIEWPOINT nan 0 0")
+    (tmp_path / "a.pcd").write_bytes(nowhere)
+    assert read_cloud(tmp_path / "a.pcd").viewpoint is None
 
 
 def test_splats_that_can_hardly_be_seen_are_left_out(tmp_path: Path) -> None:

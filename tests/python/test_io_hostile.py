@@ -138,6 +138,19 @@ def test_transforms_and_correspondences_with_marks_and_comments(tmp_path: Path) 
     np.testing.assert_array_equal(read_correspondences(tmp_path / "c.csv").target, [[4, 5, 6]])
 
 
+def test_control_characters_of_a_file_are_not_passed_on(tmp_path: Path) -> None:
+    bad = b"1 2 \x1b[2J\xea\x9f\x94\n"
+    for read, name, content in (
+        (read_cloud, "a.xyz", b"1 2 3\n" + bad),
+        (read_cloud, "a.npy", CLOUDS["points.npy"][:30] + 9 * bad),
+        (read_correspondences, "a.npz", npz(**{"\x1b[2J": np.zeros(3)})),
+    ):
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(InputError, match=name) as caught:
+            read(tmp_path / name)
+        assert str(caught.value).isprintable()
+
+
 # --- NPZ -------------------------------------------------------------------------------------
 
 

@@ -21,7 +21,7 @@ from cgroup import features
 from cgroup.datasets import standin_pair
 from cgroup.errors import InputError
 from cgroup.io import PointCloud, read_cloud, read_depth, write_cloud
-from cgroup.registration import prepare
+from cgroup.registration import prepare, register
 
 HALF = 0.5**0.5
 TURNED = [[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]  # by 90 degrees about z
@@ -134,7 +134,7 @@ def test_colors_of_other_libraries_are_written(tmp_path: Path) -> None:
 
     class Cloud:  # as Open3D's
         points = TETRAHEDRON
-        colors = TETRAHEDRON[:, [2, 0, 1]] / 3
+        colors = TETRAHEDRON[:, [2, 0, 1]] / 3.1
 
     write_cloud(tmp_path / "a.pcd", Cloud())
     np.testing.assert_array_equal(read_cloud(tmp_path / "a.pcd").colors, np.rint(255 * Cloud.colors))
@@ -147,7 +147,8 @@ def test_colors_of_other_libraries_are_written(tmp_path: Path) -> None:
 
 
 def test_viewpoints_of_files_are_taken(tmp_path: Path) -> None:
-    points = standin_pair(pixels=45).source.points
+    pair = standin_pair(pixels=45)
+    points = pair.source.points
     away = np.eye(4)
     away[:3, 3] = [7, 8, 9]  # the origin can't be told from a place that isn't known
     cloud = PointCloud(points, viewpoint=np.zeros(3)).transformed(away)
@@ -157,6 +158,11 @@ def test_viewpoints_of_files_are_taken(tmp_path: Path) -> None:
     known = tmp_path / "a.pcd"
     assert prepare(known).viewpoint == (7, 8, 9)
     assert prepare(known, viewpoint=(1, 2, 300)).viewpoint == (1, 2, 300)
+    unknown, given, taken = (
+        register(*clouds)
+        for clouds in ((tmp_path / "a.ply", pair.target), (prepare(known), pair.target), (known, pair.target))
+    )
+    assert taken.probability == given.probability != unknown.probability
     # What can't be meant is as though it wasn't there; that of a whole model isn't asked for.
     assert prepare(PointCloud(cloud.points, viewpoint=np.full(3, 1e9))).viewpoint is None
     normals = cloud.points / np.linalg.norm(cloud.points, axis=1, keepdims=True)
@@ -534,10 +540,6 @@ def test_depth_images(tmp_path: Path) -> None:
     real = read_depth(tmp_path / "real.npy", CAMERA)
     np.testing.assert_array_equal(real.points, expected[:-1])
     assert real.dropped == 2
-    # Every point projects into its pixel.
-    x, y, depth = expected.T
-    np.testing.assert_allclose(500 * x / depth + 1.5, columns, atol=1e-12)
-    np.testing.assert_allclose(400 * y / depth + 0.5, rows, atol=1e-12)
 
 
 def test_wrong_depth_images_say_why(tmp_path: Path) -> None:
@@ -551,9 +553,7 @@ def test_wrong_depth_images_say_why(tmp_path: Path) -> None:
     refused("a.png", png(DEPTHS, kind=2), "16 bits of colour type 2")
     refused("a.png", png(0 * DEPTHS), "none of its 6 pixels has a depth")
     refused("a.png", png(DEPTHS, size=(100_000, 100_000)), "its pixels would grow from")
-    refused("a.png", whole[:40], "not a readable PNG")
     refused("a.png", b"hello", "doesn't begin as a PNG")
-    refused("a.png", whole[:8], "not a readable PNG")
     refused("a.png", whole[:-1], r"not a readable PNG file, or cut off \(the end of the file\)")
     damaged = bytearray(whole)
     damaged[50] ^= 1
