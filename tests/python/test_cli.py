@@ -188,6 +188,16 @@ def test_a_refused_guess_is_judged_too(folder: Path, capsys: Capture) -> None:
     assert not document["guess"]["truth"]["right"]
 
 
+def test_assess(folder: Path, pair: tuple[Path, Path], tmp_path: Path, capsys: Capture) -> None:
+    said = facts_of(succeed(capsys, "assess", *pair, folder / "truth.txt", "--verbose"))
+    assert {"pose", "probability", "overlap", "residual", "deviation", "voxel", "time"} < set(said)
+    assert "next" not in said
+    np.savetxt(tmp_path / "wrong.txt", np.diag([1.0, -1.0, -1.0, 1.0]) + np.eye(4, k=3) * 1e8)
+    status, _, err = run(capsys, "assess", *pair, tmp_path / "wrong.txt")
+    assert status == 3
+    assert "cgroup register SOURCE TARGET --initial POSE --html" in " ".join(err.split())
+
+
 def test_both_clouds_can_be_written_as_one(pair: tuple[Path, Path], tmp_path: Path, capsys: Capture) -> None:
     out = succeed(capsys, "register", *pair, "--merged")
     assert "both clouds merged" in out
@@ -271,7 +281,7 @@ def test_group_that_chance_could_have_made(tmp_path: Path, capsys: Capture) -> N
 
 def test_group_without_a_pose_leaves_no_older_one(folder: Path, tmp_path: Path, capsys: Capture) -> None:
     matches = read_correspondences(folder / "matches.npz")
-    for count, files in ((60, 3), (2, 1)):
+    for count, files in ((60, 3), (2, 1), (0, 1)):
         some = Correspondences(matches.source[:count], matches.target[:count], resolution=matches.resolution)
         write_correspondences(tmp_path / "some.npz", some)
         status, _, err = run(capsys, "group", "some.npz")
@@ -377,6 +387,7 @@ def test_benchmark_run_and_status(tmp_path: Path, capsys: Capture) -> None:
     out = succeed(capsys, "benchmark", "status", "--json")
     results = json.loads(out)["results"]
     assert results["counts"]["experiment"] == {"done": 4, "failed": 4, "wanted": 8}
+    assert "smoke" in succeed(capsys, "benchmark", "presets")
     failure = {"error": "OSError: this pair is broken", "times": 2}
     assert results["failures"] == [{"method": method, **failure} for method in ("gc", "ss")]
 

@@ -113,6 +113,14 @@ def test_control_characters_in_names_are_shown_escaped(
     assert err == f"cgroup: no {NAMES[name]}.txt: no such file\n"
 
 
+def test_names_in_figures_are_no_formulas(folder: Path) -> None:
+    name = "a$\\frac$[b]\x1b.ply"
+    (folder / name).write_bytes((folder / "source.ply").read_bytes())
+    status, out, err = run("detect", name, cwd=folder)
+    assert (status, err) == (0, "")
+    assert out.startswith("cloud       a$\\frac$[b]\\x1b.ply: ")
+
+
 # --- the folder for results ----------------------------------------------------------------------
 
 WRITING = (

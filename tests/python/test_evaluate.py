@@ -29,8 +29,7 @@ from cgroup.evaluation.recall_protocols import (
     score_poses,
 )
 from cgroup.evaluation.result_files import PairErrors, PairPoses, read_results, read_truth
-from cgroup.features.cloud import within
-from cgroup.io import read_cloud, write_file
+from cgroup.io import read_cloud, read_transforms, write_file
 from cgroup.io.transforms import format_log
 from cgroup.pose_graph.files import motion_lines
 from cgroup.rigid import apply, invert
@@ -544,6 +543,32 @@ def test_times_tell_clouds_of_two_trajectories(tmp_path):
     (tmp_path / "long.kitti").write_text("1 0 0 0 0 1 0 0 0 0 1 0\n" * 1001)
     with pytest.raises(InputError, match="more than 1000 clouds; list the pairs that count"):
         read_truth(tmp_path / "long.kitti")
+
+
+def test_results_of_other_scenes_stand_apart(folder, capsys):
+    names, stats = np.array(["a", "b"]), np.zeros((2, 30, 5))
+    stats[1, :, 1:3] = 9
+    np.savez(folder / "dgr.npz", names=names, stats=stats)
+    rows = succeed(capsys, *asked(folder, "ours.csv", "dgr.npz"), "--wide").splitlines()
+    told = {row.split()[0]: row.split()[1:] for row in rows[::-1] if row.startswith(("0 ", "hall "))}
+    assert told["0"] == ["-", "100.0", "0.0"]
+    assert told["hall"][1:] == ["-", "-"]
+    np.savez(folder / "dgr.npz", names=names, stats=stats[:, :7])
+    assert "RESULT: of 7 and 30 pairs" in fail(capsys, *asked(folder, "ours.csv", "dgr.npz"))
+
+
+def test_all_pairs_of_many_clouds_are_solved(tmp_path):
+    rng = np.random.default_rng(1)
+    turns = rng.normal(size=(160, 4))
+    turns /= np.linalg.norm(turns, axis=1, keepdims=True)
+    np.savetxt(
+        tmp_path / "a.tum", np.column_stack([np.arange(160), rng.normal(size=(160, 3)), turns]), fmt="%.17g"
+    )
+    poses, truth = read_transforms(tmp_path / "a.tum"), read_truth(tmp_path / "a.tum")
+    assert len(truth.keys) == 160 * 159 / 2
+    for row in rng.integers(0, len(truth.keys), 50):
+        _, i, j = truth.keys[row]
+        np.testing.assert_allclose(truth.poses[row], np.linalg.solve(poses[i], poses[j]), atol=1e-12)
 
 
 def test_results_are_tested_on_the_same_pairs_in_any_order(folder, tmp_path, capsys):

@@ -194,6 +194,7 @@ def test_only_files_are_read(read: Callable[[Path], object], tmp_path: Path) -> 
             "folder": "is a directory",
             "missing": "no such file",
             "zero\0byte": "a path can't hold a zero byte",
+            "z" * 300: "File name too long",
         }.items():
             with pytest.raises(InputError, match=says):
                 read(tmp_path / f"{name}.npz")

@@ -4,6 +4,7 @@ import base64
 import json
 import os
 import struct
+import sys
 import zlib
 from collections.abc import Callable
 from pathlib import Path
@@ -542,7 +543,7 @@ def test_depth_images(tmp_path: Path) -> None:
     assert real.dropped == 2
 
 
-def test_wrong_depth_images_say_why(tmp_path: Path) -> None:
+def test_wrong_depth_images_say_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refused(name: str, content: bytes, says: str) -> None:
         (tmp_path / name).write_bytes(content)
         with pytest.raises(InputError, match=says):
@@ -578,3 +579,5 @@ def test_wrong_depth_images_say_why(tmp_path: Path) -> None:
         read_cloud(tmp_path / "a.png")
     with pytest.raises(InputError, match="scale"):
         read_depth(tmp_path / "a.png", CAMERA, scale=0)
+    monkeypatch.setitem(sys.modules, "PIL", None)
+    refused("a.png", whole, r"reading it needs PIL; pip install 'cgroup\[scans\]'")
