@@ -12,7 +12,6 @@ from placed_scenes import PAIR, known_scene
 from cgroup import InputError
 from cgroup.cli import terminal
 from cgroup.cli.commands import merge
-from cgroup.cli.show import terminal
 from cgroup.io import read_cloud, read_transforms, write_cloud
 from cgroup.rigid import rotation_error
 from cgroup.scenes import PoseGraph, Scene
