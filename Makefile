@@ -45,7 +45,7 @@ DIST ?= dist
 UNSTABLE := RUSTC_BOOTSTRAP=1
 HOST := $(shell rustc --print host-tuple 2>/dev/null)
 
-.PHONY: help setup demo test test-rust test-python test-random verify-measured test-checked sanitize fuzz fmt lint types docs linkcheck audit package bench bench-peers clean
+.PHONY: help setup demo test test-rust test-python test-random test-nightly verify-measured test-checked sanitize fuzz fmt lint types docs linkcheck audit package bench bench-peers clean
 
 help: ## show this list
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -78,6 +78,9 @@ test-random: $(VENV)/.ready-dev ## run the property tests with SEEDS fresh seeds
 			|| failed="$$failed --hypothesis-seed=$$seed"; \
 	done; \
 	test -z "$$failed" || { echo "Failed with:$$failed"; exit 1; }
+
+test-nightly: $(VENV)/.ready-dev ## run the Python tests that take minutes, on whole data sets
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m nightly
 
 verify-measured: $(VENV)/.ready-dev ## measure one value of each method again and compare it with docs/figures/measured
 	$(BIN)/python docs/figures/choose.py verify

@@ -1,8 +1,4 @@
-"""What every grouping method is tried on: one entry per method, one line per trial.
-
-The tests of options run both sides of a trial and compare them with each other; the tests against the reference
-compare what cgroup and the reference make of its options.
-"""
+"""Trials of every grouping method: an option must change the result, and agree with the reference."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -75,11 +71,10 @@ def far_away(point: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class Trial:
-    """Options, and what they are compared with.
+    """A `change` of the `base` options.
 
-    `change` comes on top of `base`. Where it `shows`, the two must differ on the problem of
-    test_options_are_wired.py; where it does not, they are for the comparison with the reference alone. It is not
-    `compared` where the exact answer hangs on rounding for too many rows.
+    Where it `shows`, it must change the result in test_options_are_wired.py. It is `compared` with the reference
+    unless the exact answer depends on rounding for too many rows.
     """
 
     change: Options
@@ -96,11 +91,9 @@ class Trial:
 class MethodCase:
     """How a method is called, its trials, and the kind of its `Grouping.rule` with its bound.
 
-    `fields` are passed by name unless an option of the same name says otherwise. `quick` are options with which
-    the properties of a method are tested often. `field_trials` exchange a field; that must show. `score_tolerance` is the largest difference of a score from the
-    reference's relative to the greatest score, 0 for the same bits (CV is compared score by score, see
-    `score_margin`); the second is that of problems so large that GTM's payoffs are rounded to 16 bits, and the
-    entries of ST's matrix to f32.
+    `fields` are passed by name unless an option of the same name says otherwise. `field_trials` exchange a field.
+    `score_tolerance` is the largest difference of a score from the reference's, relative to the greatest score;
+    the second is that of problems so large that GTM and ST round their matrices.
     """
 
     reference: Callable[..., ReferenceGrouping]
@@ -108,7 +101,6 @@ class MethodCase:
     trials: list[Trial]
     inputs: tuple[str, ...] = ("source", "target")
     fields: tuple[str, ...] = ()
-    quick: Options = field(default_factory=dict)
     field_trials: list[Trial] = field(default_factory=list)
     score_tolerance: float = 0.0
     large_score_tolerance: float = 1e-9
@@ -172,9 +164,7 @@ CASES: dict[str, MethodCase] = {
         si,
         rule=("score", None),
         fields=("ratio", *FRAMES, "resolution"),
-        quick={"neighbors": 20},
         trials=[
-            Trial({"neighbors": 1}),
             Trial({"neighbors": 10}),
             Trial({"global_rank": "local_score"}, {"neighbors": 10}),
             Trial({"otsu": "covis"}, {"neighbors": 50, "global_rank": "local_score"}),
@@ -195,16 +185,12 @@ CASES: dict[str, MethodCase] = {
         rule=("score", None),
         score_tolerance=1e-9,
         fields=("ratio", *FRAMES, "resolution"),
-        quick={"voters": 30},
         trials=[
             Trial({"voters": 1}),
-            Trial({"voters": 20}),
             Trial({"exclude_self": True}, {"voters": 20}),
-            Trial({"exclude_self": True}),
             Trial({"distance_scale": Pr(3.0)}),
             Trial({"resolution": None}, {"distance_scale": Pr(30.0)}, shows=False),
             Trial({"angle_scale": 3.0}),
-            Trial({"angle_scale": 40.0}),
             Trial({"threshold": 1.5}),
             *OTSU,
         ],
@@ -217,20 +203,14 @@ CASES: dict[str, MethodCase] = {
         ransac,
         rule=("residual", Pr(5.0)),
         fields=("resolution",),
-        quick={"iterations": 500},
         trials=[
-            Trial({"iterations": 1}, SAMPLED),
             Trial({"iterations": 300}, SAMPLED),
-            Trial({"seed": 7}, SAMPLED),
-            Trial({"seed": 7}, {"iterations": 300}),
             Trial({"seed": 2**64 - 1}, {"iterations": 300}),
             Trial({"tolerance": Pr(2.0)}, {"iterations": 300}),
             Trial({"resolution": None}, {"iterations": 300, **LARGE}, shows=False),
             Trial({"refine": True}, SAMPLED),
             Trial({"refine": True}, {"iterations": 300}, shows=False),
             Trial({"edge_ratio": 0.999}, SAMPLED),
-            Trial({"edge_ratio": 0.9}, {"iterations": 600}, shows=False),
-            Trial({"confidence": 0.9}, {"iterations": 2000}),
             Trial({"confidence": 0.01}, {"iterations": 2000}),
             Trial({"confidence": 0.99}, {"iterations": 1000, "refine": True, "edge_ratio": 0.8}, shows=False),
         ],
@@ -245,15 +225,12 @@ CASES: dict[str, MethodCase] = {
             Trial({"min_distance_ratio": 0.9}),
             Trial({"affinity": "threshold"}),
             Trial({"affinity": "binary"}),
-            Trial({"affinity": "threshold"}, {"min_distance_ratio": 0.95}),
             Trial({"affinity": "binary"}, {"min_distance_ratio": 0.95}),
             Trial({"diagonal": "one"}),
             Trial(SCORED),
             Trial({"affinity": "binary"}, SCORED),
-            Trial({"recompute": True}),
             Trial({"recompute": True}, {"diagonal": "one", "min_distance_ratio": 0.9}),
             Trial({"eigensolver": "dense"}),
-            Trial({"eigensolver": "dense"}, {"affinity": "threshold"}),
             Trial({"eigensolver": "dense"}, {"recompute": True}),
             Trial({"eigensolver": "dense"}, SCORED),
             # Isolated correspondences keep a trace of the start in power iteration only.
@@ -263,7 +240,6 @@ CASES: dict[str, MethodCase] = {
                 compared=False,
             ),
             Trial({"conflict": "one_to_one"}),
-            Trial({"conflict": "both"}, shows=False),
             Trial({"conflict": "both"}, {"min_distance_ratio": 0.0}),
             Trial({"recompute": True}, {"conflict": "one_to_one", "affinity": "threshold"}),
         ],
@@ -273,16 +249,13 @@ CASES: dict[str, MethodCase] = {
         gc,
         rule=("star", Pr(3.0)),
         fields=("resolution",),
-        quick={"ties": "union"},
         trials=[
-            Trial({"ties": "union"}),
             Trial({"ties": "union"}, {"tolerance": Pr(1e-4)}),
             Trial({"tolerance": Pr(0.5)}),
             WITHOUT_RESOLUTION,
             Trial({"ties": "union"}, {"tolerance": Pr(0.5)}, shows=False),
             Trial(CLIQUE),
             Trial({"similarity": SIMILARITY}, CLIQUE),
-            Trial({"min_cluster_size": 0}, CLIQUE),
             Trial({"min_cluster_size": 30}, CLIQUE),
             Trial({"min_cluster_size": 10, "seed": 3}, {"variant": "clique", "iterations": 30}, shows=False),
             Trial({"tolerance": Pr(10.0)}, CLIQUE),
@@ -297,7 +270,6 @@ CASES: dict[str, MethodCase] = {
         fields=(*FRAMES, "source_centroid"),
         trials=[
             Trial({"source_centroid": None}),
-            Trial({"bins": 1}),
             Trial({"bins": 4}),
             Trial({"bins": 40, "neighbors": 26}),
             Trial({"neighbors": 0}),
@@ -306,11 +278,9 @@ CASES: dict[str, MethodCase] = {
             Trial({"neighbors": 0}, {"bin_size": Pr(50.0)}),
             Trial({"variant": "pcl", "iterations": 100}, {"bin_size": Pr(10.0)}),
             Trial({"bin_size": Pr(20.0)}, {**PCL, "bin_size": Pr(40.0)}),
-            Trial({"seed": 5}, {**PCL, "bin_size": Pr(40.0)}, shows=False),
             Trial({"seed": 1}, {**PCL, "bin_size": Pr(40.0), "iterations": 1}),
             Trial({"iterations": 100}, {**PCL, "bin_size": Pr(40.0), "iterations": 1}),
             Trial({"interpolation": False}, PCL),
-            Trial({"vote_threshold": -0.5}, {**PCL, "iterations": 50}, shows=False),
             Trial({"vote_threshold": 2.0}, {**PCL, "interpolation": False, "iterations": 50}, shows=False),
             Trial({"vote_threshold": 1e3}, PCL),
             Trial({"distance_weight": True}, {**PCL, "similarity": SIMILARITY}),
@@ -337,16 +307,9 @@ CASES: dict[str, MethodCase] = {
             Trial(CLOSE),
             Trial({"one_to_one": True}, CLOSE),
             Trial({"tolerance": Pr(10.0)}, {"payoff": "distance_difference", "resolution": Pr(1.0)}),
-            Trial(
-                {"one_to_one": True, "iterations": 20},
-                {"payoff": "distance_difference", "tolerance": Pr(10.0)},
-            ),
             Trial(INFECTION),
-            Trial({"iterations": 1000}, INFECTION),
             Trial({"iterations": 20}, INFECTION),
             Trial({"convergence_tolerance": 1e-3}, {**INFECTION, "iterations": 1000}),
-            Trial({"convergence_tolerance": 0.1}, INFECTION),
-            Trial({"threshold": 0.02}, INFECTION),
             Trial({"one_to_one": True}, {**INFECTION, "payoff": "distance_difference", "tolerance": Pr(5.0)}),
             *OTSU,
         ],
@@ -361,7 +324,6 @@ CASES: dict[str, MethodCase] = {
         trials=[
             Trial({"ratio": Field("ratio")}),
             Trial({"tolerance": Pr(6.0)}),
-            Trial({"tolerance": Pr(1.0)}),
             Trial({"resolution": None}),
             Trial({"resolution": Pr(0.2), "ratio": Field("ratio")}),
             Trial({"modes": 1}, {"tolerance": Pr(0.5)}),
@@ -386,7 +348,6 @@ CASES: dict[str, MethodCase] = {
         trials=[
             Trial({"tolerance": Pr(2.0)}),
             WITHOUT_RESOLUTION,
-            Trial({"max_distance_difference": Pr(3.0)}),
             Trial({"max_distance_difference": Pr(0.3)}, {"refine": False}),
             Trial({"min_weight": 0.5}),
             Trial({"min_weight": 0.0}, {"max_distance_difference": Pr(2.0)}),
@@ -442,14 +403,12 @@ CASES: dict[str, MethodCase] = {
             Trial({"tolerance": Pr(6.0)}),
             WITHOUT_RESOLUTION,
             Trial({"max_distance_difference": Pr(2.0)}),
-            Trial({"prune": "core"}),
             Trial({"prune": "core", "tolerance": Pr(6.0)}),
             Trial(WIDE),
             Trial({"max_steps": 0}, STRICT),
             Trial({"max_steps": 300}, STRICT),
             Trial({"dof": 4}),
             Trial({"scale": "estimate"}),
-            Trial({"scale": "estimate"}, {"prune": "core"}, shows=False),
             Trial({"scale": "estimate"}, {"dof": 4}, shows=False),
         ],
         field_trials=[Trial({"resolution": Pr(2.0)})],
@@ -463,11 +422,9 @@ CASES: dict[str, MethodCase] = {
         trials=[
             Trial({"max_distance_difference": Pr(2.0)}),
             Trial({"resolution": None}, {"max_distance_difference": Pr(9.0)}, shows=False),
-            Trial({"deviation": Pr(4.0)}),
             Trial({"deviation": Pr(0.5)}),
             # Where right ones exclude each other, cliques of one size abound: rounding decides between them.
             Trial({"min_distance": Pr(15.0)}, compared=False),
-            Trial({"min_distance": Pr(1.0)}, shows=False),
             Trial({"variant": "maximum"}),
             Trial({"variant": "maximum"}, {"max_distance_difference": Pr(12.0)}),
             Trial({"min_distance": Pr(40.0)}, {"variant": "maximum"}, compared=False),

@@ -145,7 +145,7 @@ def _registration() -> dict[str, dict[str, Any]]:
         "surface_normals": {"cloud": PAIR.source},
         "match_described": {"source": described, "target": described},
         "prepare": {"cloud": PAIR.source} | voxel,
-        "register": pair | voxel,
+        "register": pair | voxel | {"effort": "low"},
         "assess": pair | voxel | {"T_target_source": PAIR.T_target_source},
         "refine": pair | voxel | {"T_target_source": PAIR.T_target_source},
         "register_many": {"scans": [PAIR.source, PAIR.target]} | voxel,

@@ -23,7 +23,6 @@ from cgroup.registration.judge import (
     share_probability,
     weigh,
 )
-from cgroup.registration.motions import OPEN, resistance
 from cgroup.types import Correspondences
 from strategies import rigid
 
@@ -80,16 +79,11 @@ def test_probability_is_the_share_of_the_evidence() -> None:
 
 
 @pytest.mark.parametrize(
-    ("better", "worse"),
-    [
-        ({"cells": 60.0}, {"cells": 20.0}),
-        ({"planes": 5}, {"planes": 4}),
-        ({"misfit": 1.0}, {"misfit": 2.0}),
-        ({"crossed": 0.0}, {"crossed": 0.05}),
-    ],
+    ("name", "better", "worse"),
+    [("cells", 60, 20), ("planes", 5, 4), ("misfit", 1, 2), ("crossed", 0, 0.05), ("crossed", 0, np.nan)],
 )
-def test_evidence_has_the_sign_that_one_expects(better: dict[str, Any], worse: dict[str, Any]) -> None:
-    assert lead_over_chance(case(**better)) > lead_over_chance(case(**worse))
+def test_evidence_has_the_sign_that_one_expects(name: str, better: Any, worse: Any) -> None:
+    assert lead_over_chance(case(**{name: better})) > lead_over_chance(case(**{name: worse}))
 
 
 def test_what_tells_nothing_counts_for_nothing() -> None:
@@ -114,41 +108,9 @@ def test_misfit_and_rank_by_hand() -> None:
     np.testing.assert_allclose(rank(scores, evidence, [alignment, nothing, alignment], 20.0), ranks)
 
 
-def information_of(points: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    rows = np.hstack([np.cross(points, normals), normals])
-    return rows.T @ rows
-
-
-def surface(kind: str) -> tuple[np.ndarray, np.ndarray]:
-    """Points of a shape far from the origin, and their normals."""
-    rng = np.random.default_rng(0)
-    directions = rng.normal(size=(900, 3))
-    flat, points = np.eye(3)[np.arange(900) % 3], rng.uniform(-5, 5, size=(900, 3))
-    if kind in ("plane", "corridor"):
-        flat = np.eye(3)[np.full(900, 2) if kind == "plane" else 1 + np.arange(900) % 2]
-    if kind in ("ball", "pipe"):
-        flat = directions * (1, 1, kind == "ball")
-        flat /= np.linalg.norm(flat, axis=1, keepdims=True)
-        points = flat + points * (0, 0, kind == "pipe")
-    else:
-        points = np.where(flat > 0, 5.0, points)
-    return points + np.array([100, 200, -300]), flat
-
-
-MOTIONS = {"box": 0, "corridor": 1, "pipe": 2, "plane": 3, "ball": 3}
-
-
-@pytest.mark.parametrize(("kind", "count"), MOTIONS.items())
-def test_open_motions_of_shapes(kind: str, count: int) -> None:
-    points, normals = surface(kind)
-    for unit in (1e-3, 1.0, 1e3):
-        information = information_of(unit * points, normals)
-        assert (resistance(information, unit * points).values <= OPEN).sum() == count
-
-
 def found(**changes: Any) -> Found:
     """A pose of a sure search."""
-    points = surface("box")[0]
+    points = np.random.default_rng(0).uniform(-5, 5, size=(900, 3))
     refined: Any = SimpleNamespace(T_target_source=np.eye(4), open_motion=None)
     scan: Any = SimpleNamespace(voxels=SimpleNamespace(points=points), voxel=1.0)
     matches = Correspondences(points, points + ([[2.0, 0, 0], [2.001, 0, 0], [0, 0, 0]] * 300))
@@ -156,29 +118,21 @@ def found(**changes: Any) -> Found:
     return replace(made, **changes)  # fmt: skip
 
 
-@pytest.mark.parametrize("motions", [0, 1, 2, 3])
-def test_a_pose_that_leaves_two_motions_open_is_not_trusted(motions: int) -> None:
-    chance = bound_by_motions(0.95, motions)
-    assert chance == (0.95 if motions <= 1 else 1 / (1 + motions))
-    judgement = judge(found(probability=chance, motions=motions), SCAN, SCAN)
-    assert judgement.ok == (motions <= 1)
-    assert (judgement.reason == "") == judgement.ok
-    assert (f"free to move in {motions} of six ways" in judgement.notes[0]) == (motions > 1)
+def test_a_pose_that_leaves_two_motions_open_is_not_trusted() -> None:
+    for motions in range(4):
+        chance = bound_by_motions(0.95, motions)
+        assert chance == (0.95 if motions <= 1 else 1 / (1 + motions))
+        judgement = judge(found(probability=chance, motions=motions), SCAN, SCAN)
+        assert judgement.ok == (judgement.reason == "") == (motions <= 1)
+        assert (f"free to move in {motions} of six ways" in judgement.notes[0]) == (motions > 1)
 
 
-@pytest.mark.parametrize(("share", "ok"), [(0.5, True), (0.4999, False), (0.0, False), (1.0, True)])
-def test_a_pose_is_accepted_from_one_half(share: float, ok: bool) -> None:
-    judgement = judge(found(probability=share, alternatives=np.empty((0, 4, 4))), SCAN, SCAN)
-    assert judgement.ok == ok
-    words = f"probability of only {share:.2f}: 80 % of the source overlaps the target, and 600 of 900 matches agree"
-    assert (words in judgement.reason) != ok
-
-
-def test_places_that_share_the_probability_are_told() -> None:
-    assert "several places look the same: 2 poses" in judge(found(probability=0.4), SCAN, SCAN).reason
-    one = found()
-    assert "1 other pose shares" in judge(one, SCAN, SCAN).notes[-1]
-    assert one.grouping.mask.tolist() == [True, False, True] * 300
+def test_a_pose_is_accepted_from_one_half() -> None:
+    for share, ok in ((0.5, True), (0.4999, False), (0.0, False), (1.0, True)):
+        judgement = judge(found(probability=share, alternatives=np.empty((0, 4, 4))), SCAN, SCAN)
+        assert judgement.ok == ok
+        words = f"only {share:.2f}: 80 % of the source overlaps the target, and 600 of 900 matches agree"
+        assert (words in judgement.reason) != ok
 
 
 def test_an_accepted_pose_says_where_a_viewpoint_cannot_be_right() -> None:
@@ -206,11 +160,7 @@ def test_a_search_that_found_nothing_says_what_may_help(axis: np.ndarray | None)
         (SCAN, large, "scale one"),
         (SCAN, SCAN, "give the scanner's position as `viewpoint`"),
         (eyed, SCAN, "if the target is a single scan, give `target_viewpoint` too"),
-        (
-            eyed,
-            eyed,
-            "gravity's, give `axis`" if axis is None else ", or not the axis, or a viewpoint may be",
-        ),
+        (eyed, eyed, "give `axis`" if axis is None else ", or not the axis, or a viewpoint may be"),
     ):
         judgement = judge(None, one, other, axis)
         assert (judgement.ok, judgement.probability, judgement.notes) == (False, 0, ())

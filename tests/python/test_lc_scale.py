@@ -32,7 +32,7 @@ def misplacement(model: FloatArray | None, problem: MatchingProblem, unit: float
 
 
 @given(data=hst.data())
-@settings(max_examples=20)
+@settings(max_examples=10)
 def test_similar_shapes_are_found(data: hst.DataObject) -> None:
     n = data.draw(hst.sampled_from(sorted(SHARES)), label="n")
     share = data.draw(hst.floats(*SHARES[n]), label="share")
@@ -51,7 +51,7 @@ def test_similar_shapes_are_found(data: hst.DataObject) -> None:
 
 
 @given(seed=hst.integers(0, 10**6), kind=hst.sampled_from(["points", "partners"]))
-@settings(max_examples=20)
+@settings(max_examples=10)
 def test_nothing_in_common_is_not_sure(seed: int, kind: str) -> None:
     rng = np.random.default_rng(seed)
     n = int(rng.integers(30, 400))
@@ -75,24 +75,10 @@ def test_the_unit_of_the_source_makes_no_difference(factor: float) -> None:
     assert np.array_equal(one.mask, other.mask)
     assert one.false_alarms == pytest.approx(other.false_alarms)
     assert one.diagnostics["scale"] == pytest.approx(factor * other.diagnostics["scale"])
-    assert one.alternatives is not None
-    assert other.alternatives is not None
     point = problem.source[0]
     placed = one.alternatives @ [*point, 1]
     np.testing.assert_allclose(other.alternatives @ [*factor * point, 1], placed, atol=1e-6)
-    assert one.instances is not None
-    assert other.instances is not None
     assert np.array_equal(one.instances, other.instances)
-
-
-def test_a_scale_of_one_costs_some_certainty_only() -> None:
-    problem = drawn(5, 1000, 0.05)
-    known, sought = (cgroup.lc(problem.source, problem.target, tolerance=4.0, scale=s) for s in (False, True))
-    assert "scale" not in known.diagnostics
-    assert sought.diagnostics["scale"] == pytest.approx(1, abs=0.01)
-    assert (known.mask == sought.mask).mean() > 0.98
-    assert known.ok
-    assert sought.ok
 
 
 def test_bounds_are_kept() -> None:
@@ -102,39 +88,12 @@ def test_bounds_are_kept() -> None:
     assert inside.diagnostics["scale"] == pytest.approx(0.5, abs=0.005)
     outside = cgroup.lc(2 * problem.source, problem.target, scale=(0.6, 0.9))
     assert 0.6 <= outside.diagnostics["scale"] <= 0.9
-
-
-@pytest.mark.parametrize(
-    ("scale", "remedy"),
-    [
-        ((3, 1), "give the least scale first"),
-        (-1, "give True, or the least and the greatest scale"),
-        ("x", "give True, or the least and the greatest scale"),
-        ((0, 1), "give a finite number greater than 0"),
-        ((100.0, 200.0), "give bounds around that"),
-    ],
-)
-def test_other_scales_are_refused(scale: object, remedy: str) -> None:
-    problem = drawn(0, 100, 0.5)
-    with pytest.raises(InputError, match=remedy) as caught:
-        cgroup.lc(problem.source, problem.target, scale=scale)  # pyright: ignore[reportArgumentType]
-    assert caught.value.parameter == "scale"
-
-
-@pytest.mark.parametrize("scale", [True, (0.5, 2.0)])
-def test_too_few_or_coincident_points_give_no_group(scale: bool | tuple[float, float]) -> None:
-    rng = np.random.default_rng(0)
-    for points in (np.zeros((0, 3)), rng.normal(size=(1, 3)), rng.normal(size=(2, 3)), np.ones((50, 3))):
-        for other in (points, 1.3 * points[::-1]):
-            found = cgroup.lc(points, other, scale=scale)
-            assert (found.size, found.model, found.ok) == (0, None, False)
+    with pytest.raises(InputError, match="scale: got .* give bounds around that"):
+        cgroup.lc(problem.source, problem.target, scale=(100.0, 200.0))
 
 
 def test_matches_of_real_scans_in_another_unit() -> None:
-    source = CorrespondenceFiles(data_folder("corr"))
-    problem = source.load("turboreg_kitti/020")
-    matches = problem.correspondences
-    assert matches is not None
+    matches = CorrespondenceFiles(data_folder("corr")).load("turboreg_kitti/020").correspondences
     found = cgroup.lc(2.2 * matches.source, matches.target, resolution=matches.resolution, scale=True)
     assert found.ok
     assert found.diagnostics["scale"] == pytest.approx(1 / 2.2, rel=2e-3)

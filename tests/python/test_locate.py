@@ -17,7 +17,7 @@ from cgroup.datasets.generated.shapes import random_pose
 from cgroup.datasets.generated.worlds import World
 from cgroup.evaluation import rotation_error
 from cgroup.io import read_cloud
-from cgroup.maps.plan_view import PlanView, find_layers
+from cgroup.maps.plan_view import find_layers
 from cgroup.rigid import apply, invert
 from cgroup.scenes import PreparedMap, locate, prepare_map, register_all
 
@@ -76,16 +76,14 @@ def origin_of(pose: np.ndarray) -> np.ndarray:
     return (pose @ FRAME)[:3, 3]
 
 
-@pytest.mark.parametrize("eye", EYES)
 @pytest.mark.parametrize("whole", [True, False])
-def test_a_scan_is_found_in_a_town(
-    eye: tuple[float, float, float], whole: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_scan_is_found_in_a_town(whole: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     if not whole:
-        monkeypatch.setattr(sys.modules["cgroup.maps.settings"], "WHOLE", 500)
-    found = locate(scan_from(eye), place())
-    assert [each.ok for each in found] == [True]
-    np.testing.assert_allclose(origin_of(found[0].T_target_source), eye, atol=0.2)
+        monkeypatch.setattr(sys.modules["cgroup.maps.locate"], "WHOLE", 500)
+    for eye in EYES:
+        found = locate(scan_from(eye), place())
+        assert [each.ok for each in found] == [True]
+        np.testing.assert_allclose(origin_of(found[0].T_target_source), eye, atol=0.2)
 
 
 def test_places_that_look_the_same_share_the_probability() -> None:
@@ -129,25 +127,13 @@ def test_a_map_is_kept_in_a_folder(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["map"]
 
 
-def test_a_folder_without_a_map_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no folder that `PreparedMap.save` has written"):
-        PreparedMap.load(tmp_path / "nowhere")
-    (tmp_path / "map.json").write_text(json.dumps({"voxels": []}))
-    with pytest.raises(InputError, match="no folder that"):
-        PreparedMap.load(tmp_path)
-
-
 def test_a_damaged_map_is_refused(tmp_path: Path) -> None:
     folder = tmp_path / "map"
     prepare_map(standin_pair().target, voxel=6.0).save(folder)
     for file in sorted(folder.iterdir()):
         content = file.read_bytes()
-        middle = len(content) // 2
-        for damaged in (
-            content[:middle],
-            content[:middle] + bytes([content[middle] ^ 4]) + content[middle + 1 :],
-            b"",
-        ):
+        half = len(content) // 2
+        for damaged in (content[:half], content[:half] + bytes([content[half] ^ 4]) + content[half + 1 :]):
             file.write_bytes(damaged)
             with pytest.raises(InputError, match="no folder that `PreparedMap.save` has written .*; save"):
                 PreparedMap.load(folder)
@@ -163,8 +149,10 @@ def test_a_damaged_map_is_refused(tmp_path: Path) -> None:
     loaded = PreparedMap.load(folder)
     os.truncate(folder / "points.npy", 200)
     assert np.isfinite(loaded.points).all()
-    with pytest.raises(InputError, match="folder: got None"):
-        PreparedMap.load(None)  # type: ignore[arg-type]
+    facts = folder / "map.json"
+    facts.write_text(facts.read_text().replace("6.0", "7.0"))
+    with pytest.raises(InputError, match="map.json is damaged"):
+        PreparedMap.load(folder)
 
 
 def test_a_map_grows() -> None:
@@ -175,9 +163,6 @@ def test_a_map_grows() -> None:
     assert [level.voxel for level in whole.levels] == [place().levels[1].voxel]  # as was asked for
     assert len(prepare_map(houses[left][::40]).add(houses).levels) > 1
     assert locate(scan_from(EYES[1]), whole)[0].ok
-    assert not any(
-        np.linalg.norm(found.T_target_source[:3, 3]) > 1e4 for found in locate(scan_from(EYES[1]), half)
-    )
 
 
 def test_a_scene_is_a_map() -> None:
@@ -192,9 +177,7 @@ def test_a_scene_is_a_map() -> None:
     ("options", "message"),
     [
         ({"radius": 5}, "radius: got 5, but no place; give `near`, too"),
-        ({"near": (0, 0, 0), "radius": -1}, "radius: "),
         ({"near": (0, np.nan, 0)}, "near: "),
-        ({"effort": "none"}, "effort: "),
         ({"place": np.zeros((30, 3))}, "place: "),
     ],
 )
@@ -202,42 +185,25 @@ def test_wrong_options_are_refused(options: dict, message: str) -> None:
     with pytest.raises(InputError, match=message):
         locate(**{"scan": scan_from(EYES[0]), "place": place()} | options)
 
-
-@pytest.mark.parametrize("voxel", [300.0, 1e6])
-def test_a_voxel_that_leaves_nothing_of_a_map_is_refused(voxel: float) -> None:
     with pytest.raises(InputError, match="voxel: got .*, which leaves .* give a smaller one"):
-        prepare_map(points_on(town()), voxel=voxel)
+        prepare_map(points_on(town()), voxel=300.0)
 
 
 def test_descriptors_are_compared_with_those_around_each_cell() -> None:
     level = place().levels[1]
     wanted = level.descriptors[:200:20, :-1]
-    radius = 2.3 * 8 * level.voxel
+    size = 8 * level.voxel
     starts = np.concatenate([[0], level.voxel_ends])
     distances = np.empty((len(level.cells), len(wanted)))
     for cell, middle in enumerate(level.cells):
-        beside = (
-            np.linalg.norm(level.cells - middle, axis=1) <= 2.25 * 8 * level.voxel
-        )  # to quarters of a cell
+        beside = np.linalg.norm(level.cells - middle, axis=1) <= 2.25 * size  # to quarters of a cell
         rows = np.concatenate([np.arange(starts[k], starts[k + 1]) for k in np.flatnonzero(beside)])
         rows = rows[level.descriptors[rows, -1] < 1e9]
         values = level.descriptors[rows, :-1].astype(float)
         distances[cell] = np.linalg.norm(values[:, None] - wanted, axis=2).min(axis=0)
     expected = np.minimum(distances / np.maximum(np.median(distances, axis=0), 1e-6), 1).mean(axis=1)
     # Squares in single precision: distances of 0 come out as some hundredths.
-    np.testing.assert_allclose(level.compare(wanted, radius), expected, atol=0.02)
-
-
-def test_the_best_place_from_above_is_that_of_the_scan() -> None:
-    level = place().levels[1]
-    layers = find_layers(level.voxels, level.normals, None)
-    assert layers is not None
-    turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
-    near = [part[np.linalg.norm(part[:, :2] - part[:, :2].mean(axis=0), axis=1) < 35] for part in layers[1:]]
-    cut = layers._replace(turn=turn @ layers.turn, walls=near[0] @ turn.T, floors=near[1] @ turn.T)
-    poses = next(PlanView(layers, level.voxel).propose(cut, None, 2))
-    assert rotation_error(poses[0], np.eye(4)) < 3
-    assert np.linalg.norm(poses[0][:2, 3]) < 3 * level.voxel
+    np.testing.assert_allclose(level.compare(wanted, 2.3 * size), expected, atol=0.02)
 
 
 def test_no_plan_where_there_are_no_walls() -> None:
@@ -247,7 +213,7 @@ def test_no_plan_where_there_are_no_walls() -> None:
 
 def test_scans_of_a_drive_are_found_in_its_map() -> None:
     folder = data_folder("scenes") / "scenes" / "nclt_map_22_queries"
-    queries = json.loads((folder / "set.json").read_text())["scans"]
+    queries = json.loads((folder / "set.json").read_text())["scans"][::3]
     drive = prepare_map(read_cloud(folder / "map.ply"))
     for query in queries:
         scan = read_cloud(folder / query["file"])

@@ -1,50 +1,27 @@
 """The options of every method are those that the compiled core describes."""
 
-import inspect
 import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from numpydoc.docscrape import FunctionDoc
 from public_calls import PROBLEM
 from wrong_values import wrong_for
 
 import cgroup
 from cgroup.errors import InputError
-from cgroup.methods._declare import _in_docstring
 from cgroup.registry import METHOD_INFO, MethodInfo
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
 
 from write_stubs import STUB, stub
 
-EVERY = pytest.mark.parametrize("info", METHOD_INFO.values(), ids=lambda info: info.name)
 OPTIONS = [(info, name) for info in METHOD_INFO.values() for name in info.options]
 
 
 def test_the_stub_has_the_signatures() -> None:
     assert STUB.read_text(encoding="utf-8") == stub(), "run: python tools/write_stubs.py"
-
-
-@EVERY
-def test_every_parameter_has_a_type_and_a_meaning(info: MethodInfo) -> None:
-    """As the core describes it: the docstring's Parameters are made from that."""
-    described = {
-        name: entry for entry in FunctionDoc(info.function)["Parameters"] for name in entry.name.split(", ")
-    }
-    assert list(described) == list(inspect.signature(info.function).parameters)
-    for name, option in info.options.items():
-        words = " ".join(described[name].desc)
-        assert words.replace("`", "") == option.text.replace("`", "")
-        assert described[name].type.endswith(", optional") == option.optional
-
-
-def test_code_is_set_in_two_backticks_and_a_name_in_one() -> None:
-    doc = inspect.getdoc(cgroup.clipper) or ""
-    assert "default ``5 * resolution``." in doc
-    assert _in_docstring("As `name`; `1 - x`; `a.b`.") == "As `name`; ``1 - x``; `a.b`."
 
 
 def test_arguments_are_bound_as_python_binds_them() -> None:

@@ -3,9 +3,7 @@
 import inspect
 import subprocess
 import sys
-import tempfile
 import textwrap
-import threading
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +11,8 @@ import pytest
 from wrong_values import HUGE
 
 import cgroup
-from cgroup import METHODS, PRESETS, Correspondences, InputError, NoConsensusError, _core, group, group_many
-from cgroup._checks.values import run_options
+from cgroup import METHODS, PRESETS, Correspondences, InputError, NoConsensusError, group, group_many
 from cgroup.registry import METHOD_INFO
-from cgroup.types.fields import FIELDS, check_fields
 from interrupts import assert_hears_interrupt, assert_holds_in_a_fork, posix_only
 from strategies import make_problem
 
@@ -26,9 +22,6 @@ OPTIONS = {"3dhv": {"bin_size": 5.0}}
 
 def correspondences(n: int = 120) -> Correspondences:
     return PROBLEM.subset(np.arange(n)).correspondences()
-
-
-# --- what is accepted --------------------------------------------------------------------------
 
 
 def read_only(array: np.ndarray) -> np.ndarray:
@@ -53,24 +46,16 @@ def packed_record(array: np.ndarray) -> np.ndarray:
     return record["values"]
 
 
-def memory_mapped(array: np.ndarray) -> np.ndarray:
-    with tempfile.TemporaryFile() as file:
-        mapped = np.memmap(file, array.dtype, "w+", shape=array.shape)
-    mapped[:] = array
-    return mapped
-
-
-LAYOUTS = {
-    "packed_record": packed_record,
-    "non_contiguous": lambda array: np.repeat(array, 2, axis=0)[::2],
-    "reversed_twice": lambda array: array[::-1].copy()[::-1],
-    "fortran": np.asfortranarray,
-    "read_only": read_only,
-    "memory_mapped": memory_mapped,
-    "swapped_bytes": lambda array: array.astype(array.dtype.newbyteorder()),
-    "nested_lists": lambda array: array.tolist(),
-    "Wrapped": Wrapped,
-}
+LAYOUTS = (
+    packed_record,
+    lambda array: np.repeat(array, 2, axis=0)[::2],
+    lambda array: array[::-1].copy()[::-1],
+    np.asfortranarray,
+    read_only,
+    lambda array: array.astype(array.dtype.newbyteorder()),
+    lambda array: array.tolist(),
+    Wrapped,
+)
 ARRAYS = ("source", "target", "similarity", "ratio", "source_lrf", "target_lrf", "source_centroid")
 
 
@@ -85,43 +70,31 @@ def directly(method, arrays):
     return METHODS[method](**{name: value for name, value in given.items() if name in taken})
 
 
-@pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 @pytest.mark.parametrize("method", METHODS)
-def test_layout_and_precision_change_nothing_and_input_stays(method, dtype, layout):
+def test_layout_and_precision_change_nothing_and_input_stays(method, dtype):
     arrays = {name: getattr(PROBLEM, name).astype(dtype) for name in ARRAYS}
     expected = grouped(method, {name: array.astype(np.float64) for name, array in arrays.items()})
-    given = {name: layout(array) for name, array in arrays.items()}
-    for call in (grouped, directly):
-        got = call(method, given)
-        np.testing.assert_array_equal(got.mask, expected.mask)
-        np.testing.assert_array_equal(got.scores, expected.scores)
-        if call is grouped and got.size > 2:
-            np.testing.assert_array_equal(got.transform(), expected.transform())
-    for name, array in given.items():
-        np.testing.assert_array_equal(np.asarray(array), arrays[name])
+    for layout in LAYOUTS:
+        given = {name: layout(array) for name, array in arrays.items()}
+        for call in (grouped, directly):
+            got = call(method, given)
+            np.testing.assert_array_equal(got.mask, expected.mask)
+            np.testing.assert_array_equal(got.scores, expected.scores)
+            if call is grouped and got.size > 2:
+                np.testing.assert_array_equal(got.transform(), expected.transform())
+        for name, array in given.items():
+            np.testing.assert_array_equal(np.asarray(array), arrays[name])
 
 
-@pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_correspondences_keep_precision_and_nothing_else(dtype):
-    arrays = {name: getattr(PROBLEM, name).astype(dtype) for name in ARRAYS}
-    before = {name: array.copy() for name, array in arrays.items()}
-    kept = Correspondences(**arrays)
-    for name, array in arrays.items():
-        array[:] = 7.0  # the buffer gets the next frame
-        own = getattr(kept, name)
-        assert own.dtype == dtype
-        np.testing.assert_array_equal(own, before[name])
-        with pytest.raises(ValueError, match="read-only"):
-            own[:] = 0.0
-
-
-@pytest.mark.parametrize("info", METHOD_INFO.values(), ids=lambda info: info.name)
-def test_the_table_knows_the_fields_of_each_method(info):
-    parameters = inspect.signature(info.function).parameters
-    taken = {name: parameters[name].default for name in FIELDS if name in parameters}
-    assert {name for name, default in taken.items() if default is inspect.Parameter.empty} == set(info.fields)
-    assert {name for name, default in taken.items() if default is None} == set(info.optional_fields)
+def test_correspondences_keep_precision_and_nothing_else():
+    given = PROBLEM.source.astype(np.float32)
+    before, kept = given.copy(), Correspondences(given, PROBLEM.target)
+    given[:] = 7.0  # the buffer gets the next frame
+    assert kept.source.dtype == np.float32
+    np.testing.assert_array_equal(kept.source, before)
+    with pytest.raises(ValueError, match="read-only"):
+        kept.source[:] = 0.0
 
 
 @pytest.mark.parametrize("method", ["sc2pcr", "turboreg"])
@@ -134,24 +107,12 @@ def test_a_search_that_memory_cuts_short_says_so(method):
     assert cut.mask[PROBLEM.inlier_mask].mean() > 0.9
 
 
-def test_far_from_the_origin():
-    near, far = (cgroup.gtm(PROBLEM.source + shift, PROBLEM.target - shift) for shift in (0.0, 1e7))
-    np.testing.assert_array_equal(near.mask, far.mask)
-
-
-# --- what is refused ---------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("change", "words"),
     [
         ({"source": PROBLEM.source.T}, "source.*transpose"),
-        ({"source": PROBLEM.source[:, :2]}, r"source.*\(120,2\).*\(n,3\)"),
         ({"target": PROBLEM.target[:-1]}, "target.*119"),
-        ({"source": "abc"}, "source"),
-        ({"source": None}, "source.*real numbers"),
         ({"source": PROBLEM.source.astype(complex)}, "source.*complex"),
-        ({"source": [[1, 2, 3], [1, 2]]}, "source"),
         ({"ratio": PROBLEM.ratio[:5]}, r"ratio.*\(5\).*\(120,\)"),
         ({"ratio": PROBLEM.ratio + 1.0}, "ratio.*row 0.*between 0 and 1"),
         ({"similarity": np.full(120, np.nan)}, "similarity.*row 0"),
@@ -160,8 +121,6 @@ def test_far_from_the_origin():
         ({"source_lrf": PROBLEM.source_lrf.reshape(120, 9)}, r"source_lrf.*\(120,3,3\)"),
         ({"target_lrf": None}, "target_lrf.*both sides"),
         ({"resolution": 0.0}, "resolution.*greater than 0"),
-        ({"resolution": np.nan}, "resolution.*greater than 0"),
-        ({"resolution": np.array([1.0])}, r"resolution: got array\(\[1.\]\); give a number"),
         ({"source_centroid": [0.0, np.inf, 0.0]}, "source_centroid.*finite"),
         ({"source": np.full((120, 3), 1e200)}, "source.*1e150"),
         ({"candidates": PROBLEM.target}, r"candidates.*\(120,3\).*\(120,k,3\)"),
@@ -178,10 +137,9 @@ def test_bad_fields(change, words):
         group(Correspondences(**fields), method)
 
 
-@pytest.mark.parametrize("dtype", [np.float32, np.float64])
 @pytest.mark.parametrize("name", ["source", "target", "source_lrf", "target_lrf"])
-def test_the_first_wrong_row_is_named(name, dtype):
-    arrays = {each: getattr(PROBLEM, each).astype(dtype) for each in ("source", "target", *ARRAYS[4:6])}
+def test_the_first_wrong_row_is_named(name):
+    arrays = {each: getattr(PROBLEM, each).copy() for each in ("source", "target", *ARRAYS[4:6])}
     if "lrf" in name:
         arrays[name][[17, 23]] *= 1.1
     else:
@@ -193,39 +151,18 @@ def test_the_first_wrong_row_is_named(name, dtype):
 @pytest.mark.parametrize(
     ("method", "options", "words"),
     [
-        ("ss", {"threshold": "best"}, "threshold.*otsu"),
-        ("ss", {"threshold": [0.5]}, "threshold.*0.5.*otsu.*number"),
-        ("ss", {"threshold": 0.5, "otsu": "median"}, "otsu.*median.*minmax"),
-        ("ss", {"bins": 2**60}, "bins.*1,000,000"),
-        ("nnsr", {"max_ratio": 1.5}, "max_ratio.*between 0 and 1"),
-        ("cv", {"angle_scale": 0.0}, "angle_scale.*greater than 0"),
-        ("ransac", {"iterations": 0}, "iterations.*at least 1"),
-        ("ransac", {"iterations": 10.0}, "iterations.*10.0.*whole number"),
-        ("ransac", {"tolerance": np.inf}, "tolerance.*finite"),
-        ("ransac", {"confidence": 1.0}, "confidence.*less than 1"),
-        ("ransac", {"refine": 1}, "refine.*got 1.*True or False"),
         ("ransac", {"threads": 0}, "threads.*at least 1"),
         ("ransac", {"threads": 10**6}, "threads.*at most"),
         ("st", {"eigensolver": "dense", "max_memory": 1000}, "eigensolver.*MiB.*power"),
-        ("3dhv", {"neighbors": 5}, "neighbors.*0, 6 or 26"),
         ("3dhv", {"variant": "pcl"}, "bin_size.*side"),
         ("3dhv", {"bin_size": 1e-12}, "bin_size.*larger"),
-        (
-            "gc",
-            {"tolerance": HUGE},
-            r"tolerance: got 1000.*\.\.\..*000; give a number that fits into a float",
-        ),
-        ("gc", {"variant": None}, 'variant: got None; choose one of "star", "clique"'),
+        ("gc", {"tolerance": HUGE}, r"tolerance: got 1000.*\.\.\..*000; give a number that fits"),
         ("gc", {"variant": "x" * 10**6}, "variant: got 'xxx.*; choose one of"),
-        ("gc", {"seed": -1}, "seed: got -1; give a whole number of at least 0"),
-        ("gc", {"seed": 2**64}, "seed: got 18446744073709551616; give a whole number of at most"),
         ("gc", {"progress": 5}, "progress: got 5; give a function that takes the share of the work done"),
         ("gtm", {"tolerance": 1.0}, "tolerance.*distance_difference"),
         ("gtm", {"iteration": 5}, "gtm has no 'iteration'.*iterations"),
         ("gtm", {"max_memory": -1}, "max_memory"),
         ("gtm", {"preset": "best"}, "preset.*literal"),
-        ("mac", {"min_clique_size": 2}, "min_clique_size.*at least 3"),
-        ("mac", {"max_hypotheses": 1.5}, "max_hypotheses.*at least 1, or None"),
         ("mac", {"max_seconds": 0.0}, "max_seconds.*greater than 0"),
     ],
 )
@@ -234,36 +171,12 @@ def test_bad_options(method, options, words):
         group(correspondences(), method, **options)
 
 
-@pytest.mark.parametrize(
-    ("options", "scale"),
-    [
-        ({"tolerance": np.float32(4.0), "iterations": np.int16(300), "refine": np.True_}, 1.0),
-        ({"tolerance": np.array(4.0), "iterations": np.uint64(300), "refine": True}, 1.0),
-        ({"tolerance": 4, "iterations": 300, "refine": True}, np.float32(1.0)),
-    ],
-)
-def test_numbers_of_numpy_are_numbers(options, scale):
-    plain = cgroup.ransac(PROBLEM.source, PROBLEM.target, tolerance=4.0, iterations=300, refine=True)
-    other = cgroup.ransac(PROBLEM.source, PROBLEM.target, resolution=scale, **options)
-    np.testing.assert_array_equal(plain.mask, other.mask)
-
-
-def test_an_option_that_nobody_reads_is_an_error():
-    fields, run = check_fields(ratio=PROBLEM.ratio), run_options(None, 0, None)
-    with pytest.raises(InputError, match='nnsr has no "cut"; it takes max_ratio'):
-        _core.group("nnsr", fields, run, {"max_ratio": 0.8, "cut": 1.0})
-    with pytest.raises(InputError, match='nnsr needs "max_ratio"'):
-        _core.group("nnsr", fields, run, {})
-    with pytest.raises(InputError, match="nsr"):
-        _core.group("nsr", fields, run, {})
-
-
 def test_extents_too_small_to_square():
     with pytest.raises(InputError, match="smaller unit"):
         cgroup.gtm(PROBLEM.source * 1e-100, PROBLEM.target * 1e-100)
 
 
-@pytest.mark.parametrize("method", ["ransac", "gc", "si", "cv"])
+@pytest.mark.parametrize("method", ["ransac", "cv"])
 def test_a_length_or_the_resolution_is_needed(method):
     given = correspondences()
     fields = {name: getattr(given, name) for name in ("ratio", "source_lrf", "target_lrf")}
@@ -280,57 +193,23 @@ def test_missing_fields_are_named(method):
         group(Correspondences(PROBLEM.source, PROBLEM.target, resolution=1.0), method)
 
 
-# --- what comes back ---------------------------------------------------------------------------
-
-
-def test_grouping_holds_together():
-    result = cgroup.gtm(PROBLEM.source, PROBLEM.target)
-    np.testing.assert_array_equal(result.indices, np.flatnonzero(result.mask))
-    assert result.size == result.mask.sum()
-    assert result.diagnostics["steps"] == 100
-    np.testing.assert_array_equal(result.mask, result.scores > result.threshold)
-    assert repr(result) == f"Grouping({result.size} of 120 selected)"
-
-
-def test_transform_maps_source_into_target():
-    result = cgroup.ransac(PROBLEM.source, PROBLEM.target, resolution=1.0)
-    T = result.transform()
-    moved = PROBLEM.source @ T[:3, :3].T + T[:3, 3]
-    assert np.median(np.linalg.norm(moved - PROBLEM.target, axis=1)[PROBLEM.inlier_mask]) < 5.0
-    np.testing.assert_allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=1e-12)
-    assert result.model is not None
-    np.testing.assert_allclose(T, PROBLEM.T_target_source, atol=2.0)
-
-
 def test_pose_is_that_of_the_points_grouped():
     source, target = PROBLEM.source.copy(), PROBLEM.target.copy()
     result = cgroup.gtm(source, target)
+    np.testing.assert_array_equal(result.indices, np.flatnonzero(result.mask))
+    np.testing.assert_array_equal(result.mask, result.scores > result.threshold)
     expected = result.transform()
     source[:] = 0.0  # the buffer gets the next frame
     np.testing.assert_array_equal(result.transform(), expected)
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(6))
 def test_a_line_fixes_no_pose(seed):
     rng = np.random.default_rng(seed)
     line = rng.normal(size=3) + np.outer(rng.normal(size=20), rng.normal(size=3)) * 10.0 ** rng.uniform(-9, 9)
     result = cgroup.gc(line, line, tolerance=1.0)
     with pytest.raises(NoConsensusError, match="line"):
         result.transform()
-
-
-def test_no_consensus_is_an_empty_mask_and_no_pose():
-    rng = np.random.default_rng(0)
-    result = cgroup.ransac(rng.normal(size=(2, 3)), rng.normal(size=(2, 3)), tolerance=1e-9)
-    assert not result.mask.any()
-    with pytest.raises(NoConsensusError, match="needs 3"):
-        result.transform()
-
-
-def test_a_group_made_without_points_has_no_pose():
-    with pytest.raises(InputError, match="cgroup.group"):
-        cgroup.ss(PROBLEM.similarity).transform()
-    assert group(correspondences(), "ss").transform().shape == (4, 4)
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -373,26 +252,6 @@ def test_group_many_equals_group(method):
         np.testing.assert_array_equal(group(one, method).mask, many.mask)
 
 
-def test_group_many_raises_the_first_error():
-    bad = Correspondences(PROBLEM.source, PROBLEM.target)
-    with pytest.raises(InputError, match="resolution"):
-        group_many([correspondences(), bad], "gc")
-
-
-def test_signatures_share_one_style():
-    for method in METHODS.values():
-        for name, parameter in inspect.signature(method).parameters.items():
-            positional = name in ("source", "target") or (
-                method in (cgroup.ss, cgroup.nnsr) and name in ("similarity", "ratio")
-            )
-            assert parameter.kind is (
-                inspect.Parameter.POSITIONAL_OR_KEYWORD if positional else inspect.Parameter.KEYWORD_ONLY
-            )
-
-
-# --- how it runs -------------------------------------------------------------------------------
-
-
 def big_problem(n: int) -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(0)
     return rng.normal(size=(n, 3)), rng.normal(size=(n, 3))
@@ -400,31 +259,6 @@ def big_problem(n: int) -> tuple[np.ndarray, np.ndarray]:
 
 class Enough(Exception):  # noqa: N818 - it ends a run that has shown what it should
     pass
-
-
-def test_other_threads_run_meanwhile():
-    begun, ran = threading.Event(), []
-
-    def other() -> None:
-        begun.wait()
-        ran.append(True)
-
-    def report(_share: float) -> None:
-        if ran:
-            raise Enough
-
-    points = big_problem(5000)
-    thread = threading.Thread(target=other)
-    thread.start()
-    interval = sys.getswitchinterval()
-    sys.setswitchinterval(1000)  # from here on the other thread gets a turn only where the method lets go
-    try:
-        begun.set()
-        with pytest.raises(Enough):
-            cgroup.ransac(*points, tolerance=0.1, iterations=10**7, threads=1, progress=report)
-    finally:
-        sys.setswitchinterval(interval)
-        thread.join()
 
 
 def test_a_search_ends_at_its_time():
@@ -472,19 +306,10 @@ def test_group_many_computes_side_by_side():
     assert subprocess.run([sys.executable, "-c", script], check=False, timeout=60).returncode == 0
 
 
-def test_an_error_in_the_progress_callback_ends_the_run():
-    def fail(_share: float) -> None:
-        raise LookupError
-
-    with pytest.raises(LookupError):
-        cgroup.gtm(*big_problem(6000), iterations=1_000_000, progress=fail)
-
-
 @posix_only
 @pytest.mark.parametrize(
     "call",
     [
-        "cgroup.gtm(a, b, iterations=10**9, max_memory=1 << 30)",
         "cgroup.gtm(a, b, iterations=10**9, max_memory=0)",
         "cgroup.ransac(a, b, tolerance=0.1, iterations=10**9)",
         "cgroup.st(a, b, recompute=True, min_distance_ratio=0.01, max_memory=1 << 30)",

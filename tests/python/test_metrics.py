@@ -9,7 +9,6 @@ from cgroup.errors import InputError
 from cgroup.evaluation import (
     PROTOCOLS,
     GroupScore,
-    alignment_error,
     clutter_and_occlusion,
     correct_matches,
     overlap,
@@ -39,24 +38,12 @@ def test_scores_of_a_group() -> None:
     assert score.registered
 
 
-@pytest.mark.parametrize("counts", [(0, 0, 0, 0), (5, 2, 0, 0), (5, 0, 3, 0), (5, 2, 2, 0)])
-def test_undefined_scores_are_zero(counts: tuple[int, int, int, int]) -> None:
-    score = GroupScore(*counts)
-    assert (score.precision, score.recall, score.f_score) == (0, 0, 0)
-    assert not score.registered
-
-
-def test_registered_is_strict() -> None:
+def test_undefined_scores_are_zero_and_registered_is_strict() -> None:
+    for counts in ((0, 0, 0, 0), (5, 2, 0, 0), (5, 0, 3, 0), (5, 2, 2, 0)):
+        score = GroupScore(*counts)
+        assert (score.precision, score.recall, score.f_score, score.registered) == (0, 0, 0, False)
     assert not GroupScore(100, 50, 10, 1).registered
     assert GroupScore(100, 50, 10, 2).registered
-
-
-@pytest.mark.parametrize(
-    ("mask", "correct"), [([True], [True, False]), ([1, 0], [True, False]), ([[True]], [[True]])]
-)
-def test_scores_need_two_masks(mask: object, correct: object) -> None:
-    with pytest.raises(InputError):
-        score_group(mask, correct)  # pyright: ignore[reportArgumentType]
 
 
 def test_many_groups_are_scored_as_each_alone() -> None:
@@ -78,20 +65,16 @@ def test_correct_includes_the_limit() -> None:
 
 
 @pytest.mark.parametrize(
-    ("source", "target", "pose", "tolerance", "words"),
+    ("source", "tolerance", "words"),
     [
-        (np.zeros((2, 3)), np.zeros((2, 3)), np.eye(3), 1, "4x4"),
-        (np.zeros((2, 3)), np.zeros((3, 3)), np.eye(4), 1, "`source` has 2"),
-        (np.zeros((3, 2)), np.zeros((3, 2)), np.eye(4), 1, r"give \(n,3\)"),
-        *(
-            (np.eye(3), np.eye(3), np.eye(4), tolerance, "tolerance")
-            for tolerance in (0, -1, math.nan, math.inf)
-        ),
+        (np.zeros((2, 3)), 1, "`source` has 2"),
+        (np.eye(3), 0, "tolerance"),
+        (np.eye(3), math.nan, "tolerance"),
     ],
 )
-def test_correct_rejects_what_does_not_fit(source, target, pose, tolerance, words) -> None:
+def test_correct_rejects_what_does_not_fit(source, tolerance, words) -> None:
     with pytest.raises(InputError, match=words):
-        correct_matches(source, target, pose, tolerance=tolerance)
+        correct_matches(source, np.eye(3), np.eye(4), tolerance=tolerance)
 
 
 @pytest.mark.parametrize("degrees", [0.0, 1e-7, 0.5, 45, 120, 179.9999, 180])
@@ -107,14 +90,6 @@ def test_translation_error() -> None:
     assert translation_error(rigid((1, 0, 0), 30, (1, 2, 3)), rigid((0, 1, 0), 9, (1, 5, 7))) == 5
 
 
-@pytest.mark.parametrize("radius", [0.05, 0.3, 5.0])
-def test_within_is_brute_force(radius: float, rng: np.random.Generator) -> None:
-    points, others = rng.normal(size=(300, 3)), rng.normal(size=(200, 3)) + 0.5
-    distances = np.linalg.norm(points[:, None] - others, axis=2).min(axis=1)
-    np.testing.assert_array_equal(within(points, others, radius), distances <= radius)
-    assert not within(points, np.empty((0, 3)), radius).any()
-
-
 @pytest.mark.parametrize("unit", [1.0, 0.1, 1e-3])
 @pytest.mark.parametrize("offset", [0.0, 1e3, -1e6])
 def test_within_includes_its_radius(unit: float, offset: float, rng: np.random.Generator) -> None:
@@ -123,12 +98,7 @@ def test_within_includes_its_radius(unit: float, offset: float, rng: np.random.G
     distances = np.linalg.norm(points[:, None] - others[:20], axis=2).min(axis=1)
     for radius in unit * np.sqrt([1, 2, 3, 4, 5, 9]):
         np.testing.assert_array_equal(within(points, others[:20], radius), distances <= radius)
-
-
-def test_within_bounds_its_cells() -> None:
-    far = np.array([[0.0, 0, 0], [1e9, 1e9, 1e9]])
-    assert within(far, far, 1e-9).all()
-    assert not within(far, far + 1, 1e-9).any()
+    assert not within(points, np.empty((0, 3)), unit).any()
 
 
 def test_overlap_of_two_halves(rng: np.random.Generator) -> None:
@@ -144,18 +114,9 @@ def test_overlap_of_two_halves(rng: np.random.Generator) -> None:
         overlap(left, np.empty((0, 3)), motion, tolerance=1)
 
 
-def test_alignment_error(rng: np.random.Generator) -> None:
-    cloud = rng.normal(size=(50, 3))
-    true = rigid((0, 1, 1), 30, (1, 0, 0))
-    target = cloud @ true[:3, :3].T + true[:3, 3]
-    shifted = true.copy()
-    shifted[:3, 3] += (0.3, 0, 0.4)
-    assert alignment_error(cloud, target, shifted, true, tolerance=0.1) == pytest.approx(0.5)
-    assert math.isnan(alignment_error(cloud, target + 100, shifted, true, tolerance=0.1))
-
-
 def test_clutter_and_occlusion() -> None:
-    # A model of two unit squares; the scene shows one of them and three other squares.
+    """Of a model of two unit squares; the scene shows one of them and three other squares."""
+
     def strip(squares: int) -> tuple[np.ndarray, np.ndarray]:
         x = np.arange(squares + 1.0)
         vertices = np.concatenate([np.c_[x, x * 0, x * 0], np.c_[x, x * 0 + 1, x * 0]])
@@ -167,11 +128,6 @@ def test_clutter_and_occlusion() -> None:
     away = rigid((0, 0, 1), 0, (3, 0, 0))  # the model covers the scene's last square only
     clutter, occlusion = clutter_and_occlusion(model, model_faces, scene, scene_faces, away, tolerance=0.01)
     assert (clutter, occlusion) == (pytest.approx(0.75), pytest.approx(0.5))
-    with pytest.raises(InputError, match="no area"):
-        clutter_and_occlusion(model, [], scene, scene_faces, away, tolerance=0.01)
-
-
-# --- protocols of registration --------------------------------------------------------------
 
 
 NAN, INF = math.nan, math.inf
@@ -186,7 +142,6 @@ NAN, INF = math.nan, math.inf
         ("rmse<=1pr", (0.0, NAN, NAN, 1.0), True),
         ("rmse<=1pr", (1.0, 0, 0, 1.01), False),
         ("rmse<=5pr", (0.0, 90, 90, 5.0), True),
-        ("rmse<=5pr", (1.0, INF, INF, INF), False),
         ("3dmatch", (0.0, 15.0, 0.3, NAN), True),
         ("3dmatch", (0.0, 15.1, 0.1, NAN), False),
         ("3dmatch", (0.0, 1.0, 0.31, NAN), False),
@@ -194,7 +149,6 @@ NAN, INF = math.nan, math.inf
         ("kitti", (0.0, 5.0, 0.61, NAN), False),
         ("kitti-2m", (0.0, 5.0, 2.0, NAN), True),
         ("kitti-2m", (0.0, 5.1, 0.1, NAN), False),
-        ("3dmatch", (1.0, INF, INF, INF), False),
     ],
 )
 def test_limits_of_protocols(name: str, errors: tuple[float, ...], verdict: bool) -> None:

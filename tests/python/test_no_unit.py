@@ -33,12 +33,6 @@ def test_the_unit_makes_no_difference(scale: float) -> None:
     assert found.diagnostics["dimensions"] == 3
 
 
-def test_more_noise_is_estimated_as_more() -> None:
-    noises = [cgroup.group(drawn(noise)[0]).noise or np.nan for noise in (0.5, 1.0, 2.0, 4.0)]
-    assert (np.diff(noises) >= 0).all()
-    assert noises[3] > 3 * noises[0]
-
-
 def test_a_resolution_too_small_for_the_noise_is_not_believed() -> None:
     matches, pose, right = drawn(1.5)
     found = cgroup.group(replace(matches, resolution=0.25))
@@ -62,16 +56,11 @@ def test_auto_gives_other_methods_a_resolution() -> None:
     for method in ("ransac", "sc2pcr", "mac", "gc"):
         found = cgroup.group(matches, method, tolerance="auto")
         assert found.mask[right].mean() > 0.8
-        assert found.rule is not None
         assert found.rule.resolution is not None
-    with pytest.raises(InputError, match="tolerance"):
-        cgroup.group(matches, "ransac")
     with pytest.raises(InputError, match="auto"):
         cgroup.group(matches, "sc2pcr")
-    with pytest.raises(InputError):
+    with pytest.raises(InputError, match="tolerance"):
         cgroup.group(matches, "ransac", tolerance="automatic")
-    with pytest.raises(InputError):
-        cgroup.group(matches, "si", tolerance="auto")
 
 
 def test_auto_of_lc_means_no_tolerance() -> None:
@@ -83,38 +72,17 @@ def test_auto_of_lc_means_no_tolerance() -> None:
         assert (auto.mask == unset.mask).all()
 
 
-def test_matches_of_one_plane_are_said_to_be() -> None:
-    rng = np.random.default_rng(0)
-    flat = rng.uniform(0, 100, (400, 3)) * [1, 1, 0]
-    target = rng.uniform(0, 100, (400, 3))
-    target[:100] = flat[:100, [1, 0, 2]] * [1, -1, 1]
-    found = cgroup.lc(flat, target, tolerance=3.0)
-    assert found.diagnostics["dimensions"] == 2
-    assert found.ok  # the reflection in the plane is the same placement
-
-
-@pytest.mark.parametrize("count", [0, 1, 2, 3])
-def test_too_few_matches_give_no_group(count: int) -> None:
-    points = np.random.default_rng(0).uniform(size=(count, 3))
-    found = cgroup.lc(points, points)
-    assert (found.ok, found.size if count < 3 else 0) == (False, 0)
-    assert cgroup.lc(np.ones((50, 3)), np.ones((50, 3))).ok is False
-
-
 def test_matches_of_others_need_no_unit() -> None:
-    root = data_folder("corr")
     for name in ("corr", "corr-three"):
-        matches = open_dataset(name, root)
-        for pair_name in matches.pair_names():
-            pair = matches.load(pair_name)
+        dataset = open_dataset(name, data_folder("corr"))
+        for pair in map(dataset.load, dataset.pair_names()):
             given = pair.correspondences
-            for factor in (None, 0.25, 1.0, 4.0):
-                resolution = None if factor is None else factor * given.resolution
+            for resolution in (None, 0.25 * given.resolution):
                 found = cgroup.lc(given.source, given.target, resolution=resolution)
                 near = [
                     np.linalg.norm(apply(pose, given.source) - given.target, axis=1) < 5 * given.resolution
                     for pose in (found.model, pair.T_target_source)
                 ]
                 f = 2 * (near[0] & near[1]).sum() / (near[0].sum() + near[1].sum())
-                assert found.ok, (pair_name, factor)
-                assert f > 0.65, (pair_name, factor, f)
+                assert found.ok, (pair.name, resolution)
+                assert f > 0.65, (pair.name, resolution)

@@ -1,8 +1,7 @@
 """Noise, decimation, and what takes away from the shape in common."""
 
-import sys
+from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,6 @@ from cgroup import features
 from cgroup.datasets import MatchingPair, standin_pair
 from cgroup.datasets.base import mean_resolution
 from cgroup.datasets.generated.shapes import stone
-from cgroup.datasets.voxels import voxel_means
 from cgroup.errors import InputError
 from cgroup.evaluation import overlap
 from cgroup.evaluation.ground_truth import OVERLAP_WITHIN
@@ -49,21 +47,16 @@ def test_random_decimation_keeps_points_in_order(rng: np.random.Generator) -> No
     colors = np.zeros((1000, 3), dtype=np.uint8)
     cloud = PointCloud(points, normals=-points, faces=np.array([[0, 1, 2]]), colors=colors)
     thin = decimate(cloud, 0.3, rng)
-    assert len(thin) == 300
     assert (np.diff(thin.points[:, 0]) > 0).all()
     np.testing.assert_array_equal(thin.normals, -thin.points)
     assert thin.faces is None
-    assert len(thin.colors) == 300
+    assert len(thin) == len(thin.colors) == 300
 
 
-@pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
-def test_voxel_decimation_comes_near_the_share(
-    share: float, rng: np.random.Generator, pair: MatchingPair
-) -> None:
-    thin = decimate(pair.target, share, rng, method="voxel")
-    assert len(thin) == pytest.approx(share * len(pair.target), rel=0.1)
-    again = decimate(pair.target, share, np.random.default_rng(99), method="voxel")
-    np.testing.assert_array_equal(thin.points, again.points)
+def test_voxel_decimation_comes_near_the_share(rng: np.random.Generator, pair: MatchingPair) -> None:
+    for share in (0.1, 0.5, 0.9):
+        thin = decimate(pair.target, share, rng, method="voxel")
+        assert len(thin) == pytest.approx(share * len(pair.target), rel=0.1)
     for method in ("random", "voxel"):
         whole = decimate(pair.target, 1.0, rng, method=method)
         np.testing.assert_array_equal(whole.points, pair.target.points)
@@ -81,11 +74,6 @@ def test_voxel_decimation_comes_near_the_share(
 def test_bad_arguments(words: str, call: Any, rng: np.random.Generator, pair: MatchingPair) -> None:
     with pytest.raises(InputError, match=words):
         call(pair.target, rng=rng)
-
-
-def test_voxel_means_are_means() -> None:
-    points = np.array([[0.0, 0, 0], [0.2, 0, 0], [5, 5, 5], [5, 5, 5.4]])
-    np.testing.assert_allclose(voxel_means(points, 1.0), [[0.1, 0, 0], [5, 5, 5.2]])
 
 
 @pytest.mark.parametrize("name", NUISANCES)
@@ -111,7 +99,7 @@ def test_noise_of_a_pair_is_in_pr(rng: np.random.Generator, pair: MatchingPair) 
     assert harder.source is pair.source
 
 
-@pytest.mark.parametrize("level", [0.3, 0.6, 0.9])
+@pytest.mark.parametrize("level", [0.3, 0.9])
 def test_overlap_is_reached(level: float, rng: np.random.Generator, pair: MatchingPair) -> None:
     harder = apply_nuisance("overlap", pair, level, rng)
     reached = overlap(
@@ -125,18 +113,16 @@ def test_overlap_is_reached(level: float, rng: np.random.Generator, pair: Matchi
     assert harder.source.faces.max() < len(harder.source)
 
 
-@pytest.mark.parametrize("level", [0.6, 0.9])
-def test_occlusion_is_reached(level: float, rng: np.random.Generator, pair: MatchingPair) -> None:
-    harder = apply_nuisance("occlusion", pair, level, rng)
-    assert harder.facts["occlusion"] == pytest.approx(level, abs=0.05)
-    assert harder.source is pair.source
-    assert len(harder.target) == pytest.approx((1 - level) * len(pair.target), rel=0.2)
+def test_occlusion_is_reached(rng: np.random.Generator, pair: MatchingPair) -> None:
+    for level in (0.6, 0.9):
+        harder = apply_nuisance("occlusion", pair, level, rng)
+        assert harder.facts["occlusion"] == pytest.approx(level, abs=0.05)
+        assert harder.source is pair.source
+        assert len(harder.target) == pytest.approx((1 - level) * len(pair.target), rel=0.2)
 
 
-@pytest.mark.parametrize("level", [0.65, 0.95])
-def test_clutter_is_reached_and_lies_apart(
-    level: float, rng: np.random.Generator, pair: MatchingPair
-) -> None:
+def test_clutter_is_reached_and_lies_apart(rng: np.random.Generator, pair: MatchingPair) -> None:
+    level = 0.65
     harder = apply_nuisance("clutter", pair, level, rng)
     added = harder.target.points[len(pair.target) :]
     assert len(pair.target) / len(harder.target) == pytest.approx(1 - level, abs=0.01)
@@ -146,10 +132,10 @@ def test_clutter_is_reached_and_lies_apart(
 
 
 @pytest.mark.parametrize("name", ["overlap", "occlusion", "clutter"])
-@pytest.mark.parametrize("level", [0.0, 1.0, -0.5, float("nan")])
-def test_shares_are_checked(name: str, level: float, rng: np.random.Generator, pair: MatchingPair) -> None:
-    with pytest.raises(InputError, match=name):
-        apply_nuisance(name, pair, level, rng)
+def test_shares_are_checked(name: str, rng: np.random.Generator, pair: MatchingPair) -> None:
+    for level in (0.0, 1.0, float("nan")):
+        with pytest.raises(InputError, match=name):
+            apply_nuisance(name, pair, level, rng)
 
 
 def test_more_overlap_and_less_clutter_and_occlusion_than_there_are(
@@ -163,17 +149,12 @@ def test_more_overlap_and_less_clutter_and_occlusion_than_there_are(
             apply_nuisance(name, harder, 0.7, rng)
 
 
-def test_nuisance_from_outside(
-    rng: np.random.Generator, pair: MatchingPair, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    code = "from dataclasses import replace\ndef rename(pair, level, rng):\n    return replace(pair, name=f'{level}')\n"
-    (tmp_path / "outside_nuisance.py").write_text(code)
-    monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
-    assert apply_nuisance("outside_nuisance:rename", pair, 0.5, rng).name == "0.5"
-    for name, says in (
-        ("fog", r"choose one of noise.*module:function"),
-        ("outside_nuisance:missing", "has no 'missing'"),
-        ("no_such_module:f", "can't import"),
-    ):
-        with pytest.raises(InputError, match=says):
+def rename(pair: MatchingPair, level: float, _rng: np.random.Generator) -> MatchingPair:
+    return replace(pair, name=f"{level}")
+
+
+def test_nuisance_from_outside(rng: np.random.Generator, pair: MatchingPair) -> None:
+    assert apply_nuisance(f"{__name__}:rename", pair, 0.5, rng).name == "0.5"
+    for name, words in (("fog", "choose one of noise.*module:function"), ("sys:missing", "has no 'missing'")):
+        with pytest.raises(InputError, match=words):
             apply_nuisance(name, pair, 0.5, rng)

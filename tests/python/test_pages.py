@@ -4,23 +4,22 @@ import base64
 import gzip
 import json
 import re
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from command_lines import run
 
-from cgroup import Correspondences, InputError, NoConsensusError, group, ss
-from cgroup.cli import main
+from cgroup import Correspondences, InputError, group, ss
 from cgroup.comparison import compare, find_correct
 from cgroup.datasets import standin_pair
 from cgroup.evaluation import match_errors
 from cgroup.io import write_cloud, write_transform
 from cgroup.pages import comparison_page, registration_page, write_page
-from cgroup.pages.matches import MAX_MATCHES, MAX_POINTS, draw_pair, line_vertices
-from cgroup.pages.page import chart_html, chart_text, page_html
+from cgroup.pages.matches import MAX_MATCHES, draw_pair
+from cgroup.pages.page import chart_html, page_html
 from cgroup.registration import Registration, correspond, register
 from cgroup.rigid import apply
 
@@ -50,54 +49,28 @@ def test_tables_for_notebooks_say_what_there_is(registered: Registration) -> Non
     assert f"{found.size} of {len(MATCHES)} selected" in texts["g"]
     assert f"{len(MATCHES)} matches" in texts["m"]
     assert f"{registered.probability:.3f}" in texts["r"]
-    for text in texts.values():
-        assert text.count("<div") == text.count("</div>")
-        assert "None" not in text
-    assert "cut" in group(MATCHES, "gtm")._repr_html_()
-    assert "cut" in ss([0.1, 0.9])._repr_html_()
+    assert all("None" not in text for text in texts.values())
     assert "0 of 0 selected" in ss([])._repr_html_()
 
 
-@pytest.mark.parametrize("interactive", [False, True])
-def test_results_can_be_drawn(registered: Registration, *, interactive: bool) -> None:
-    found = group(MATCHES, "gc")
-    clouds = (PAIR.source, PAIR.target)
+@pytest.mark.parametrize(("interactive", "module"), [(False, "matplotlib"), (True, "plotly")])
+def test_results_can_be_drawn(registered: Registration, interactive: bool, module: str) -> None:
+    found, clouds = group(MATCHES, "gc"), (PAIR.source, PAIR.target)
     every = np.ones(len(registered.correspondences), bool)
-    figures = [
+    for figure in (
         found.plot(interactive=interactive),
         found.plot(*clouds, T_target_source=PAIR.T_target_source, correct=CORRECT, interactive=interactive),
         MATCHES.plot(*clouds, correct=CORRECT, interactive=interactive),
-        registered.plot(*clouds, interactive=interactive),
         registered.plot(PAIR.source.points, correct=every, interactive=interactive),
-    ]
-    module = "plotly" if interactive else "matplotlib"
-    assert {type(figure).__module__.partition(".")[0] for figure in figures} == {module}
-
-
-def test_few_points_are_drawn_as_dots() -> None:
-    assert len(MATCHES.plot().axes[0].images) == 0
-    assert len(MATCHES.plot(PAIR.source, PAIR.target).axes[0].images) == 2
-
-
-def test_an_interactive_figure_tells_why(registered: Registration) -> None:
-    found = group(MATCHES, "gc")
-    figure = found.plot(PAIR.source, PAIR.target, correct=CORRECT, interactive=True)
-    names = {trace.name: trace for trace in figure.data}
-    count = int(np.count_nonzero(found.mask & CORRECT))
-    kept = names[f"selected, correct ({count})"]
-    assert len(kept.x) == 6 * count == len(kept.hovertext)
-    row = int(np.flatnonzero(found.mask & CORRECT)[0])
-    assert kept.hovertext[0].replace("<br>", " ") == f"match {row}: {found.explain(row).reason}"
-    assert registered.plot(interactive=True).layout.title.text.startswith("right with a probability")
+    ):
+        assert type(figure).__module__.startswith(module)
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         ({"correct": [True]}, "correct: got .*; give an array of"),
-        ({"correct": np.ones(len(MATCHES))}, "correct: got"),
         ({"source": np.zeros((0, 3))}, "source: got .*; give a cloud"),
-        ({"source": "a"}, "source: "),
         ({"T_target_source": np.eye(3)}, "T_target_source: got shape"),
         ({"interactive": 1}, "interactive: got 1; give True or False"),
     ],
@@ -106,11 +79,6 @@ def test_what_cannot_be_drawn_is_refused(arguments: dict[str, Any], message: str
     for result in (MATCHES, group(MATCHES, "gc")):
         with pytest.raises(InputError, match=message):
             result.plot(**arguments)
-
-
-def test_a_group_without_points_cannot_be_drawn() -> None:
-    with pytest.raises(InputError, match="plot: this group was made without points"):
-        ss([0.1, 0.9]).plot()
 
 
 def test_clouds_are_drawn_joined_by_the_pose_and_apart() -> None:
@@ -128,23 +96,6 @@ def test_clouds_are_drawn_joined_by_the_pose_and_apart() -> None:
         assert np.abs(cloud.points).max() < 1e3
     apart = np.abs(source.apart - fixed.apart)[:2]
     assert (apart > (source.size + fixed.size)[:2] / 2).any()
-    start, end = pair.ends_of(Correspondences(PAIR.source.points[:3], target[:3]), np.array([1]))
-    assert np.allclose(start, source.points[1], atol=1e-6)
-    assert np.allclose(end, fixed.points[1], atol=1e-6)
-
-
-def test_large_clouds_are_thinned() -> None:
-    many = np.random.default_rng(0).uniform(size=(MAX_POINTS + 5, 3))
-    pair = draw_pair(many, many[:10], np.eye(4))
-    assert len(pair.clouds[0].points) == len(pair.clouds[0].light) == MAX_POINTS
-    assert len(pair.clouds[1].points) == len(pair.rows[1]) == 10
-
-
-def test_lines_have_vertices_on_the_way_and_gaps() -> None:
-    vertices = line_vertices(np.zeros((2, 3)), np.array([[4.0, 0, 0], [0, 8.0, 0]]))
-    assert vertices[:5, 0].tolist() == [0, 1, 2, 3, 4]
-    assert np.isnan(vertices[[5, 11]]).all()
-    assert vertices[10].tolist() == [0, 8, 0]
 
 
 def test_the_page_of_a_registration(registered: Registration, tmp_path: Path) -> None:
@@ -189,18 +140,6 @@ def test_a_page_holds_how_far_each_point_is_from_the_other_cloud(registered: Reg
     assert (wrong == 255).all()
 
 
-def test_a_page_holds_the_colours_of_scans_that_have_them(registered: Registration) -> None:
-    page = registration_page(PAIR.source, PAIR.target, registered)
-    assert data_of(page)["colors"]["own"] == [None, None]
-    assert "as scanned" not in page
-    colors = np.random.default_rng(0).integers(256, size=(len(PAIR.target), 3), dtype=np.uint8)
-    page = registration_page(PAIR.source, replace(PAIR.target, colors=colors), registered)
-    none, packed = data_of(page)["colors"]["own"]
-    assert none is None
-    assert base64.b64decode(packed) == colors.tobytes()
-    assert "as scanned" in page
-
-
 def test_the_page_of_a_comparison() -> None:
     results = list(compare(MATCHES, PAIR.T_target_source, methods=["ss", "gc", "lc"]))
     page = comparison_page(
@@ -237,37 +176,14 @@ def test_of_many_matches_a_page_holds_those_that_were_kept_and_others() -> None:
     assert "800 of 3,000 matches" in page
 
 
-@pytest.mark.parametrize("results", [[], [1], 3])
-def test_a_comparison_of_nothing_is_refused(results: Any) -> None:
-    with pytest.raises(InputError, match="results: "):
-        comparison_page(PAIR.source, PAIR.target, MATCHES, results, PAIR.T_target_source)
-
-
-def test_the_guess_of_an_error_makes_a_page() -> None:
-    other = standin_pair(seed=5, pixels=70)
-    with pytest.raises(NoConsensusError) as error:
-        register(PAIR.source, other.target)
-    page = registration_page(PAIR.source, other.target, error.value.registration, refusal="no pose that <b>")
-    assert "Refused" in page
-    assert "No pose that &lt;b&gt;." in page
-
-
 @pytest.fixture
-def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def files(elsewhere: Path) -> Path:
     """Write the pair, another target, and the truth, into the folder that commands run in."""
-    monkeypatch.chdir(tmp_path)
-    write_cloud(tmp_path / "a&b.ply", PAIR.source)
-    write_cloud(tmp_path / "target.ply", PAIR.target)
-    write_cloud(tmp_path / "other.ply", standin_pair(seed=5, pixels=70).target)
-    write_transform(tmp_path / "truth.txt", PAIR.T_target_source)
-    return tmp_path
-
-
-def run(*arguments: str) -> int:
-    """Run a command; return its exit status."""
-    with pytest.raises(SystemExit) as ended:
-        main(arguments)
-    return ended.value.code
+    write_cloud("a&b.ply", PAIR.source)
+    write_cloud("target.ply", PAIR.target)
+    write_cloud("other.ply", standin_pair(seed=5, pixels=70).target)
+    write_transform("truth.txt", PAIR.T_target_source)
+    return elsewhere
 
 
 @pytest.mark.parametrize(
@@ -281,56 +197,22 @@ def run(*arguments: str) -> int:
 def test_html_writes_a_page(
     files: Path, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...], name: str, status: int
 ) -> None:
-    assert run(*arguments, "--html") == status
-    printed = capsys.readouterr()
-    assert name in (printed.err if status else printed.out)
+    ended, out, err = run(capsys, *arguments, "--html")
+    assert ended == status
+    assert name in (err if status else out)
     page = (files / "out" / name).read_text(encoding="utf-8")
     assert "<title>a&amp;b.ply" in page
     assert ("Refused" in page) == (status == 3)
     assert len(page) < 5_000_000
 
 
-def test_without_html_there_is_no_page(files: Path) -> None:
-    assert run("register", "a&b.ply", "target.ply") == 0
-    assert not list(files.rglob("*.html"))
-    assert run("register", "a&b.ply", "other.ply", "--out", "nothing") == 3
-    assert not (files / "nothing").exists()
-
-
-def test_without_plotly_html_is_refused_before_any_work(
-    files: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr("cgroup.cli.options.find_spec", lambda _name: None)
-    assert run("register", "a&b.ply", "target.ply", "--html") == 2
-    assert "--html: needs plotly; pip install 'cgroup[scans]'" in capsys.readouterr().err
-    assert not (files / "out").exists()
-
-
-# --- what pages are made of --------------------------------------------------------------
-
-
-def content_of(chart: str) -> dict[str, object]:
-    (text,) = re.findall(r'<script type="application/json">(.*?)</script>', chart, re.DOTALL)
-    return json.loads(text)
-
-
 def test_a_chart_keeps_its_texts_and_cannot_end_its_script() -> None:
     chart = chart_html("a", {"data": [{"y": [1, 2], "name": NASTY}], "layout": {}}, label=NASTY)
     assert chart.count("</script>") == 1
     assert not set("<&\u2028\u2029") & set(chart.partition('application/json">')[2].partition("</script>")[0])
-    assert content_of(chart)["data"][0]["name"] == NASTY
+    (text,) = re.findall(r'<script type="application/json">(.*?)</script>', chart, re.DOTALL)
+    assert json.loads(text)["data"][0]["name"] == NASTY
     assert "<img" not in chart
-
-
-def test_a_page_escapes_its_title_and_keeps_dollars() -> None:
-    page = page_html(NASTY, "<main>$body ${css}</main>", script="const price = `$${1}`;")
-    assert "<title>&lt;/script&gt;" in page
-    assert "<main>$body ${css}</main>" in page
-    assert "const price = `$${1}`;" in page
-
-
-def test_chart_text_leaves_no_markup() -> None:
-    assert chart_text("<b>&amp;") == "&lt;b&gt;&amp;amp;"
 
 
 def test_a_page_fetches_nothing_and_holds_plotly_once() -> None:
@@ -341,30 +223,3 @@ def test_a_page_fetches_nothing_and_holds_plotly_once() -> None:
     assert len(page) < 2_100_000
     assert "default-src 'none'" in page
     assert not re.search(r"""(src|href)=["']?(https?:)?//""", page)
-
-
-def test_a_page_without_charts_does_without_plotly() -> None:
-    assert len(page_html("A", "<main></main>")) < 20_000
-
-
-def test_arrays_stay_short() -> None:
-    values = np.arange(30_000, dtype=np.float32)
-    chart = chart_html("a", plotly.graph_objects.Figure({"data": [{"y": values}]}), label="A")
-    assert len(chart) < 4 * len(values) * 4 / 3 + 2_000
-
-
-def test_a_page_of_an_unprintable_name_can_be_written(tmp_path) -> None:
-    write_page(tmp_path / "page.html", page_html("a\udcff", "<main></main>"))
-    assert b"<title>a?</title>" in (tmp_path / "page.html").read_bytes()
-
-
-@pytest.mark.parametrize("figure", [None, 3, {"data": [object()]}, {"data": 3}, [1]])
-def test_what_is_no_figure_is_refused(figure: object) -> None:
-    with pytest.raises(InputError, match="figure: got .*; give a plotly figure"):
-        chart_html("a", figure, label="A")
-
-
-def test_without_plotly_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "plotly.graph_objects", None)
-    with pytest.raises(InputError, match=re.escape("pip install 'cgroup[scans]'")):
-        chart_html("a", {"data": []}, label="A")

@@ -44,15 +44,7 @@ def test_scores_are_those_of_the_definition(
 
 
 def test_windows_beyond_the_map_are_refused() -> None:
-    points, turns = np.zeros((3, 2)), np.array([[1.0, 0.0]])
+    grid, points, turns = np.zeros((4, 5), np.uint8), np.zeros((3, 2)), np.array([[1.0, 0.0]])
+    window = np.array([[0, 0, 5, 0, 5]])
     with pytest.raises(InputError, match="windows"):
-        _core.best_placements(
-            np.zeros((4, 5), np.uint8),
-            points,
-            points,
-            turns,
-            np.array([[0, 0, 5, 0, 5]]),
-            run_options(1),
-            0.7,
-            3,
-        )
+        _core.best_placements(grid, points, points, turns, window, run_options(1), 0.7, 3)

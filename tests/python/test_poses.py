@@ -2,7 +2,6 @@
 
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -34,15 +33,12 @@ TEXTS = {
     "3x4": rows(WORDS[:3]),
     "16 numbers": " ".join([word for row in WORDS for word in row]),
     "12 numbers, as KITTI has them": " ".join([word for row in WORDS[:3] for word in row]) + "\n",
-    "16 lines": "\n".join([word for row in WORDS for word in row]),
     "12 lines": "\n".join([word for row in WORDS[:3] for word in row]),
     "7 numbers": SEVEN,
     "7 lines": SEVEN.replace(" ", "\n"),
     "TUM": "# timestamp tx ty tz qx qy qz qw\n1305031102.1758 " + SEVEN,
-    "commas": rows(WORDS, ", "),
     "semicolons": rows(WORDS, ";"),
     "as NumPy prints": np.array2string(POSE, floatmode="unique"),
-    "as NumPy writes": np.array2string(POSE, floatmode="unique", separator=", "),
     "nested lists": json.dumps(POSE.tolist()),
     "a list": json.dumps(POSE[:3].ravel().tolist(), indent=1),
     "an object": json.dumps({"name": "a on b", "T_target_source": POSE.tolist()}),
@@ -57,15 +53,12 @@ def test_all_notations_mean_the_same(text: str, tmp_path: Path) -> None:
     np.testing.assert_allclose(read_transform(tmp_path / "pose.txt"), POSE, rtol=0, atol=1e-15)
 
 
-@pytest.mark.parametrize("shape", [(4, 4), (16,), (1, 16), (1, 4, 4)])
-@pytest.mark.parametrize("suffix", [".npy", ".json"])
-def test_arrays_of_all_shapes(shape: tuple[int, ...], suffix: str, tmp_path: Path) -> None:
-    for matrix in (POSE, POSE[:3]):
-        size = tuple(3 if n == 4 and place == len(shape) - 2 else n for place, n in enumerate(shape))
-        array = matrix.reshape(shape if len(matrix) == 4 else tuple(12 if n == 16 else n for n in size))
-        path = tmp_path / f"pose{suffix}"
-        np.save(path, array) if suffix == ".npy" else path.write_text(json.dumps(array.tolist()))
-        np.testing.assert_array_equal(read_transform(path), POSE)
+def test_arrays_of_all_shapes(tmp_path: Path) -> None:
+    for array in (POSE, POSE.ravel(), POSE[None], POSE[:3], POSE[:3].reshape(1, 12)):
+        np.save(tmp_path / "pose.npy", array)
+        (tmp_path / "pose.json").write_text(json.dumps(array.tolist()))
+        for suffix in ("npy", "json"):
+            np.testing.assert_array_equal(read_transform(tmp_path / f"pose.{suffix}"), POSE)
 
 
 def test_few_digits_of_a_quaternion_are_made_one(tmp_path: Path) -> None:
@@ -81,7 +74,6 @@ TRAJECTORIES = {
     "7 numbers": [SEVEN, "1 2 3 0 0 0 -1"],
     "16 numbers": [" ".join(map(repr, pose.ravel().tolist())) for pose in (POSE, OTHER)],
     "below each other": [rows([[repr(x) for x in row] for row in pose.tolist()]) for pose in (POSE, OTHER)],
-    "nested lists": [json.dumps([POSE.tolist(), OTHER.tolist()])],
     "nested 3x4": [json.dumps([POSE[:3].tolist(), OTHER[:3].tolist()])],
 }
 
@@ -103,37 +95,22 @@ COLUMNS_FIRST = POSE.T.ravel().tolist()
     [
         (rows([list(each) for each in zip(*WORDS, strict=True)]), r"last row is .*, not 0 0 0 1; transpose it"),
         (" ".join(map(str, COLUMNS_FIRST)), "its 16 numbers are a pose column by column; transpose it"),
-        (
-            " ".join(map(str, POSE[:3].T.ravel())),
-            "its 12 numbers are a pose column by column; transpose it",
-        ),
-        (json.dumps({"extrinsic": COLUMNS_FIRST, "class": "camera"}), "16 numbers are a pose column by column"),
+        (" ".join(map(str, POSE[:3].T.ravel())), "its 12 numbers are a pose column by column; transpose it"),
         (rows([row[:3] for row in WORDS]), "got 4 rows of 3 numbers; transpose them"),
         (rows([row[:3] for row in WORDS[:3]]), "got 3 rows of 3 numbers; a pose is 4 rows of 4 numbers, or 3"),
         ("0.1 0.2 0.3 1 2 3", "got 1 row of 6 numbers; a pose is"),
-        ("1", "got 1 row of 1 numbers; a pose is"),
         ("", "the file is empty"),
-        ("# only a comment\n", "no numbers|got"),
         ("0 0 0 0 0 0 1.01", "its quaternion is of length 1.01, not 1"),
-        ("0 0 0 0 0 0 0", "its quaternion is of length 0, not 1"),
         ("0.5 0.5 0.5 0.5 10 20 30", "the first four numbers are one: write tx ty tz qx qy qz qw"),
         ("nan 0 0 0 0 0 1", "isn't finite"),
-        ("0 0 0 nan 0 0 1", "its quaternion is of length nan"),
         ("1e300 0 0 0 0 0 1e300", "its quaternion is of length (1e|inf)"),
         ("0 0 0 0 0 0 1\n0 0 0 0 0 0 2\n", r"pose 2 of 2: its quaternion is of length 2, not 1"),
         ("1 0 0 0 0 1 0 0 0 0 1 0\n" * 2 + "2 0 0 0 0 1 0 0 0 0 1 0\n", "pose 3 of 3: .* scaled or sheared"),
         ("1 2 3 4\n5 6 7\n", "line 2: got 3 columns; the first row has 4"),
         ("T = 1 0 0", 'line 1: got "T"'),
         ('{"R": [1], "t": [2]}', "2 of its entries are lists"),
-        ('{"name": 1}', "0 of its entries are lists"),
         ("[[1, 2], [3]]", "its lists are of unequal lengths"),
         ("[" * 100_000, "not a readable TXT file"),
-        ("[]", "no numbers|got an array of shape"),
-        ("[[]]", "no numbers|got"),
-        ("[[1, 0], [0, true]]", "got 2 rows of 2 numbers"),
-        ("[true]", "something else than numbers"),
-        ("[" + "9" * 500 + "]", "a number of 500 digits"),
-        ('["1", null]', "its lists hold something else than numbers"),
     ],
 )  # fmt: skip
 def test_what_could_be_misread_is_refused(content: str, reason: str, tmp_path: Path) -> None:
@@ -143,15 +120,6 @@ def test_what_could_be_misread_is_refused(content: str, reason: str, tmp_path: P
             read(tmp_path / "pose.txt")
         assert "pose.txt" in str(caught.value)
         assert len(str(caught.value)) - len(str(tmp_path)) < 400
-
-
-@pytest.mark.parametrize(
-    "array", [np.zeros((0, 4, 4)), np.zeros((2, 2, 4, 4)), np.zeros(()), np.zeros((0, 7))]
-)
-def test_arrays_that_hold_no_pose_are_refused(array: Any, tmp_path: Path) -> None:
-    np.save(tmp_path / "pose.npy", array)
-    with pytest.raises(InputError, match=r"pose\.npy: got .*a pose is"):
-        read_transforms(tmp_path / "pose.npy")
 
 
 def test_arguments_may_leave_out_the_last_row() -> None:

@@ -54,26 +54,6 @@ def test_finds_what_is_there_and_nothing_else(scene: tuple[PointCloud, list[np.n
     assert list(dict.fromkeys(stages)) == list(found[0].registration.seconds)
 
 
-def test_two_copies_give_two_poses_and_no_copy_none(scene: tuple[PointCloud, list[np.ndarray]]) -> None:
-    cloud, poses = scene
-    found = find_instances(MODELS["stone 1"], cloud, viewpoint=EYE)
-    assert sorted(nearest_pose(one, poses) for one in found) == [0, 2]
-    assert len(find_instances(MODELS["stone 1"], cloud, viewpoint=EYE, most=1)) == 1
-    assert find_instances(MODELS["stone 3"], cloud, viewpoint=EYE) == []
-
-
-def test_a_mirror_image_is_another_model(scene: tuple[PointCloud, list[np.ndarray]]) -> None:
-    cloud, _ = scene
-    assert find_instances(mirrored(MODELS["stone 2"]), cloud, viewpoint=EYE) == []
-
-
-def test_without_a_viewpoint_what_is_found_is_right(scene: tuple[PointCloud, list[np.ndarray]]) -> None:
-    cloud, poses = scene
-    found = recognize(MODELS, cloud)
-    assert {name for name, _ in found} == {"stone 1", "stone 2"}
-    assert sorted(nearest_pose(one, poses) for _, one in found) == [0, 1, 2]
-
-
 def test_what_is_prepared_gives_the_same(scene: tuple[PointCloud, list[np.ndarray]]) -> None:
     cloud, _ = scene
     names = ("stone 0", "stone 2")
@@ -99,26 +79,10 @@ def test_normals_tell_the_outside_as_faces_do(scene: tuple[PointCloud, list[np.n
     assert find_instances(inwards, cloud, viewpoint=EYE) == []
 
 
-def test_large_faces_are_filled_with_points() -> None:
-    corners = np.array([[x, y, z] for x in (0, 40) for y in (0, 30) for z in (0, 10)], dtype=float)
-    faces = np.array(
-        [
-            [0, 1, 3], [0, 3, 2], [4, 7, 5], [4, 6, 7], [0, 5, 1], [0, 4, 5],
-            [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 7, 3], [1, 5, 7],
-        ]
-    )  # fmt: skip
-    box = prepare(PointCloud(corners, faces=faces), voxel=2.0, normals="mesh")
-    area = 2 * (40 * 30 + 40 * 10 + 30 * 10)
-    assert 0.7 < len(box) * 2.0**2 / area < 1.5
-    middle = corners.mean(axis=0)
-    outwards = np.einsum("ij,ij->i", box.normals, box.voxels.points - middle)
-    assert (outwards > 0).all()
-    assert len(prepare(PointCloud(corners, faces=faces), normals="mesh")) > 1000
-
-
 def test_refuses_what_can_not_be_looked_for(scene: tuple[PointCloud, list[np.ndarray]]) -> None:
     cloud, _ = scene
     bare = PointCloud(MODELS["stone 0"].points)
+    assert len(find_instances(MODELS["stone 1"], cloud, viewpoint=EYE, most=1)) == 1
     with pytest.raises(InputError, match="models"):
         recognize({}, cloud)
     with pytest.raises(InputError, match="'stone': got neither faces nor normals"):
@@ -127,8 +91,6 @@ def test_refuses_what_can_not_be_looked_for(scene: tuple[PointCloud, list[np.nda
         recognize({"stone": prepare(bare, voxel=3.0)}, cloud, viewpoint=EYE)
     with pytest.raises(InputError, match="same unit"):
         recognize({"stone": PointCloud(1000 * bare.points, faces=MODELS["stone 0"].faces)}, cloud)
-    with pytest.raises(InputError, match="most"):
-        find_instances(MODELS["stone 0"], cloud, most=0)
     with pytest.raises(InputError, match="got both"):
         prepare(MODELS["stone 0"], normals="mesh", viewpoint=EYE)
     with pytest.raises(InputError, match="no faces"):

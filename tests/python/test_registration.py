@@ -1,6 +1,5 @@
 """The pipeline on pairs whose pose is known."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -9,10 +8,9 @@ from shared_data import shared_file
 
 import cgroup
 from cgroup import features
-from cgroup.comparison import compare, table
 from cgroup.datasets import MatchingPair, standin_pair
 from cgroup.errors import InputError, NoConsensusError
-from cgroup.evaluation import correct_matches, rotation_error, translation_error
+from cgroup.evaluation import correct_matches
 from cgroup.io import PointCloud, read_cloud, read_transform
 from cgroup.registration import correspond, describe, register, surface_normals
 
@@ -35,10 +33,8 @@ def test_correspondences_have_every_field(pair: MatchingPair, matches: cgroup.Co
     assert all(tuple(point) in source for point in matches.source)
     assert len({tuple(point) for point in matches.source}) == len(matches)  # one match per keypoint
     assert matches.similarity is not None
-    assert matches.ratio is not None
     assert ((matches.ratio >= 0) & (matches.ratio <= 1)).all()
     for frames in (matches.source_lrf, matches.target_lrf):
-        assert frames is not None
         identity = frames @ frames.transpose(0, 2, 1)
         np.testing.assert_allclose(identity, np.tile(np.eye(3), (len(matches), 1, 1)), atol=1e-6)
 
@@ -47,7 +43,6 @@ def test_a_moved_copy_matches_itself(pair: MatchingPair) -> None:
     moved = pair.source.transformed(pair.T_target_source)
     scanner = pair.T_target_source[:3, 3]  # the scanner moves along, so normals point the same way
     matches = correspond(pair.source, moved, target_viewpoint=tuple(scanner))
-    assert matches.resolution is not None
     tolerance = 0.1 * matches.resolution
     correct = correct_matches(matches.source, matches.target, pair.T_target_source, tolerance=tolerance)
     assert correct.mean() > 0.95
@@ -57,26 +52,10 @@ def test_a_moved_copy_matches_itself(pair: MatchingPair) -> None:
 @pytest.mark.parametrize("detector", ["h3d", "iss"])
 def test_every_combination_finds_correct_matches(detector: str, descriptor: str, pair: MatchingPair) -> None:
     matches = correspond(pair.source, pair.target, detector=detector, descriptor=descriptor)
-    assert matches.resolution is not None
-    assert matches.source_lrf is not None
     tolerance = 5 * matches.resolution
     correct = correct_matches(matches.source, matches.target, pair.T_target_source, tolerance=tolerance)
     chance = (10 * matches.resolution / np.ptp(pair.target.points, axis=0).max()) ** 2
     assert correct.mean() > 2 * chance
-
-
-def test_number_of_keypoints_can_be_aimed_at(pair: MatchingPair, matches: cgroup.Correspondences) -> None:
-    few = correspond(pair.source, pair.target, keypoints=100)
-    assert 70 <= len(few) <= 130 < len(matches)
-
-
-def test_compare_runs_all_methods(pair: MatchingPair, matches: cgroup.Correspondences) -> None:
-    results = list(compare(matches, pair.T_target_source))
-    assert [row["method"] for row in table(results)] == list(cgroup.METHODS)
-    assert all(row["matches"] == len(matches) for row in table(results))
-    (ransac,) = (result for result in results if result.method == "ransac")
-    assert ransac.score.precision > 0.8
-    assert ransac.rotation_error < 3
 
 
 def test_no_consensus_is_no_pose(pair: MatchingPair) -> None:
@@ -94,43 +73,9 @@ def test_a_model_in_a_scan_needs_the_normals_of_its_mesh() -> None:
     found = {}
     for normals in ("pca", "mesh"):
         matches = correspond(model, scan, normals=normals)
-        assert matches.resolution is not None
         tolerance = 5 * matches.resolution
         found[normals] = correct_matches(matches.source, matches.target, pose, tolerance=tolerance).sum()
     assert found["mesh"] > 10 * found["pca"]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        ({"detector": "sift"}, "detector: got 'sift'; choose one of h3d, iss"),
-        ({"descriptor": "fpfh3"}, "descriptor: got 'fpfh3'"),
-        ({"normals": "stored"}, "normals: got 'stored'"),
-        ({"normals": "mesh"}, "neither cloud has faces"),
-        ({"normals": "given"}, "neither cloud has normals"),
-        ({"keypoints": 0}, "keypoints"),
-        ({"target": np.eye(3)}, "target: got 3 points"),
-        ({"source": np.ones((3, 100))}, r"source: got shape \(3,"),
-        ({"source": np.zeros((100, 3))}, "source: all its points coincide"),
-        ({"target": np.full((100, 3), np.nan)}, r"target: got \[NaN, NaN, NaN\] in row 0; .* must be finite"),
-        ({"source": 1e-3 * standin_pair(pixels=100).source.points}, "scale them to the same unit"),
-    ],
-)
-def test_bad_input(arguments: dict, says: str, pair: MatchingPair) -> None:
-    with pytest.raises(InputError, match=says):
-        correspond(**{"source": pair.source, "target": pair.target, **arguments})
-
-
-def test_registers_a_published_pair() -> None:
-    manifest = json.loads(shared_file("data/manifest.json").read_text())
-    published = manifest["stanford_views"]["pairs"][0]
-    source, target = (
-        read_cloud(shared_file(f"data/stanford_views/{published['set']}/{published[side]}"))
-        for side in ("src", "tgt")
-    )
-    done = register(source, target, method="ransac")
-    assert rotation_error(done.T_target_source, published["T_src_to_tgt"]) < 2
-    assert translation_error(done.T_target_source, published["T_src_to_tgt"]) < 5 * done.resolution
 
 
 def test_given_normals_are_used(pair: MatchingPair, matches: cgroup.Correspondences) -> None:
@@ -143,6 +88,3 @@ def test_given_normals_are_used(pair: MatchingPair, matches: cgroup.Corresponden
     for normals, missing in (("given", "normals"), ("mesh", "faces")):
         with pytest.raises(InputError, match=f"the cloud has no {missing}"):
             describe(pair.source.points, normals=normals)
-    for call in (surface_normals, describe):
-        with pytest.raises(InputError, match="normals: got 'up'; choose one of pca, mesh, given"):
-            call(pair.source, normals="up")

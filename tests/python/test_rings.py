@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from cgroup.datasets import standin_pair
-from cgroup.registration import register
 from cgroup.registration.rings import Rings, fill_between_rings, find_rings
 from cgroup.registration.scan import as_scan
 from cgroup.rigid import apply
@@ -18,14 +17,10 @@ ROOM = np.array([4.0, 3.0, 1.4])
 
 
 def spin(
-    beams: int,
-    columns: int = 600,
-    noise: float = 0.0,
-    lowest: float = -30.0,
-    place: tuple[float, ...] = (0.0, 0.0, 0.0),
+    beams: int, columns: int = 600, noise: float = 0.0, place: tuple[float, ...] = (0, 0, 0)
 ) -> np.ndarray:
     """Scan the room from a place in it, relative to that place."""
-    up, around = np.radians(np.linspace(lowest, -lowest, beams)), np.linspace(0, 2 * np.pi, columns, False)
+    up, around = np.radians(np.linspace(-30, 30, beams)), np.linspace(0, 2 * np.pi, columns, False)
     u, a = (each.reshape(-1) for each in np.meshgrid(up, around, indexing="ij"))
     rays = np.stack([np.cos(u) * np.cos(a), np.cos(u) * np.sin(a), np.sin(u)], axis=1)
     walls = np.where(rays > 0, ROOM - np.array(place), ROOM + np.array(place))
@@ -39,9 +34,8 @@ def rings_of(points: np.ndarray) -> Rings | None:
 
 @pytest.mark.parametrize("beams", [8, 16, 32])
 @pytest.mark.parametrize("noise", [0.0, 0.02])
-@pytest.mark.parametrize("seed", range(4))
-def test_rings_are_told_wherever_the_scanner_stands(beams: int, noise: float, seed: int) -> None:
-    rng = np.random.default_rng(seed)
+def test_rings_are_told_wherever_the_scanner_stands(beams: int, noise: float) -> None:
+    rng = np.random.default_rng(beams)
     points = spin(beams, noise=noise, place=tuple(rng.uniform(-0.7, 0.7, size=3) * ROOM))
     order = rng.permutation(len(points))
     rings = rings_of(apply(random_motion(rng, 20.0), points)[order])
@@ -74,35 +68,21 @@ def test_rings_of_two_surfaces_are_not_joined() -> None:
 
 
 @pytest.mark.parametrize(
-    "points",
+    "cloud",
     [
         standin_pair(pixels=60).source.points,
         spin(64),
         spin(150, 200),
         np.random.default_rng(0).normal(size=(900, 3)),
+        PointCloud(spin(16), normals=np.ones((16 * 600, 3))),
     ],
-    ids=["depth image", "64 beams", "station", "ball"],
+    ids=["depth image", "64 beams", "station", "ball", "with normals"],
 )
-def test_other_clouds_are_left_alone(points: np.ndarray) -> None:
-    scan = as_scan("source", points)
-    assert fill_between_rings(scan) is scan
-
-
-def test_a_cloud_with_normals_is_left_alone() -> None:
-    scan = as_scan("source", PointCloud(spin(16), normals=np.ones((16 * 600, 3))))
+def test_other_clouds_are_left_alone(cloud: np.ndarray | PointCloud) -> None:
+    scan = as_scan("source", cloud)
     assert fill_between_rings(scan) is scan
 
 
 def test_few_points_have_no_rings() -> None:
     for points in (np.eye(3), np.zeros((30, 3)), np.ones((30, 1)) * np.arange(3.0)):
         assert find_rings(points, np.eye(3)) is None
-
-
-def test_source_and_target_may_change_places() -> None:
-    pair = standin_pair(pixels=60)
-    one = register(pair.source, pair.target)
-    other = register(pair.target, pair.source)
-    assert one.probability == other.probability
-    together = one.T_target_source @ other.T_target_source
-    np.testing.assert_allclose(together, np.eye(4), atol=0.02 * one.voxel)
-    np.testing.assert_array_equal(one.correspondences.source, other.correspondences.target)

@@ -13,27 +13,11 @@ from cgroup.scenes.join import propose_joins, weigh_join
 from cgroup.scenes.links import Link
 from strategies import random_motion
 
-KINDS = ("cone", "room", "mirrored room", "half torus", "box")
-
 
 def cone(rng, slope):
     height, angle = np.sqrt(rng.random(20_000)), rng.uniform(0, 2 * np.pi, 20_000)
     points = np.column_stack([height * np.cos(angle), height * np.sin(angle), slope * height])
     return points + 0.004 * rng.normal(size=points.shape)
-
-
-def half_torus(rng, thickness):
-    around, across = rng.uniform(0, np.pi, 15_000), rng.uniform(0, 2 * np.pi, 15_000)
-    away = 1 + thickness * np.cos(across)
-    points = np.column_stack([away * np.cos(around), away * np.sin(around), thickness * np.sin(across)])
-    return points + 0.003 * rng.normal(size=points.shape)
-
-
-def box(rng, size):
-    points = rng.random((15_000, 3))
-    faces = [np.prod(np.delete(size, axis)) for axis in range(3)]
-    points[np.arange(15_000), rng.choice(3, 15_000, p=faces / np.sum(faces))] = rng.integers(0, 2, 15_000)
-    return points * size + 0.003 * rng.normal(size=points.shape)
 
 
 def room(rng, size):
@@ -56,12 +40,7 @@ def look_alikes(kind, seed):
     if kind == "cone":
         slope = rng.uniform(1, 3)
         return cone(rng, slope), cone(rng, slope)
-    if kind == "half torus":
-        thickness = rng.uniform(0.15, 0.45)
-        return half_torus(rng, thickness), half_torus(rng, thickness)
     size = rng.uniform((4, 3, 2.4), (8, 6, 3.4))
-    if kind == "box":
-        return box(rng, size), box(rng, size)
     one = room(rng, size)
     return one, one * [-1, 1, 1] if kind == "mirrored room" else room(rng, size)
 
@@ -72,10 +51,9 @@ def scan_twice(rng, points):
     return [apply(random_motion(rng, 10.0), part) for part in (points[half], points[~half])]
 
 
-@pytest.mark.parametrize("seed", [0, 1])
-@pytest.mark.parametrize("kind", KINDS)
-def test_what_a_pair_leaves_open_stays_apart(kind, seed):
-    one, other = look_alikes(kind, seed)
+@pytest.mark.parametrize("kind", ["cone", "room", "mirrored room"])
+def test_what_a_pair_leaves_open_stays_apart(kind):
+    one, other = look_alikes(kind, 0)
     with pytest.raises(NoConsensusError):
         register(one, other)
     scene = register_all([one, other])
@@ -83,12 +61,10 @@ def test_what_a_pair_leaves_open_stays_apart(kind, seed):
     assert scene.edges == []
 
 
-@pytest.mark.parametrize(
-    ("kind", "seed"), [("room", 2), ("room", 3), ("mirrored room", 2), ("half torus", 2)]
-)
-def test_more_scans_of_the_same_do_not_join_it(kind, seed):
-    rng = np.random.default_rng(seed)
-    scans = [scan for place in look_alikes(kind, seed) for scan in scan_twice(rng, place)]
+@pytest.mark.parametrize("kind", ["room", "mirrored room"])
+def test_more_scans_of_the_same_do_not_join_it(kind):
+    rng = np.random.default_rng(2)
+    scans = [scan for place in look_alikes(kind, 2) for scan in scan_twice(rng, place)]
     for part in register_all(scans).components:
         assert len({row // 2 for row in part}) == 1
 
@@ -99,9 +75,6 @@ def test_two_scans_are_as_probable_as_their_pair():
     (edge,) = scene.edges
     alone = register(pair.source, pair.target, voxel=scene.voxel).probability
     assert edge.probability == scene.probability[1] == pytest.approx(alone)
-
-
-# --- unions ----------------------------------------------------------------------------------------
 
 
 def link_of(*chances, overlap=0.5):

@@ -1,7 +1,5 @@
 """Scores of scenes."""
 
-import itertools
-
 import numpy as np
 import pytest
 
@@ -57,26 +55,7 @@ def test_poses_of_scans_in_no_component_are_not_read(truth):
     assert score_scene(poses, [[0, 2, 4], [1, 3]], truth, LABELS).right == 2
 
 
-def test_shares_without_errors_are_unknown():
-    assert np.isnan(ecdf(np.empty(0), [1.0, 2.0])).all()
-
-
 @pytest.mark.parametrize("components", [[[0, 6]], [[-1, 0]], [[0, 1], [1, 2]]])
 def test_rows_that_cannot_be_are_refused(truth, components):
     with pytest.raises(InputError, match="components"):
         score_scene(truth, components, truth, LABELS)
-
-
-def test_components_are_read_once(truth):
-    score = score_scene(truth, (part for part in ([0, 2, 4], [1, 3])), truth, LABELS)
-    assert (score.right, score.mixed, score.found, score.placed) == (2, 0, 2, 5)
-
-
-def test_components_without_end_are_refused(truth):
-    with pytest.raises(InputError, match="components: got more than 6"):
-        score_scene(truth, itertools.repeat([]), truth, LABELS)
-
-
-def test_shapes_that_do_not_fit_are_refused(truth):
-    with pytest.raises(InputError, match=r"poses: got shape \(5, 4, 4\)"):
-        score_scene(truth[:5], [], truth, LABELS)

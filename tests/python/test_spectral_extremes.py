@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import cgroup
-from interrupts import interrupt, posix_only
 
 SOLVERS = ("power", "dense")
 
@@ -18,8 +17,8 @@ def scattered(n: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("eigensolver", SOLVERS)
-@pytest.mark.parametrize("scale", [1e-320, 1e-200, 1e-160, 1e-3, 1e3, 1e150, 1e165, 1e300])
-@pytest.mark.parametrize("n", [1, 2, 40, 1100])
+@pytest.mark.parametrize("scale", [1e-320, 1e-160, 1e3, 1e165, 1e300])
+@pytest.mark.parametrize("n", [1, 40, 1100])
 def test_similarities_of_any_scale_give_finite_scores(n, scale, eigensolver):
     similarity = scale * np.random.default_rng(n).uniform(0.1, 1.0, n)
     for affinity in ("raw", "threshold"):
@@ -64,32 +63,3 @@ def test_the_dense_solver_s_vector_is_numpy_s():
     values, vectors = np.linalg.eigh(matrix)
     assert group.diagnostics["eigenvalue"] == pytest.approx(values[-1], rel=1e-13)
     assert group.scores == pytest.approx(np.abs(vectors[:, -1]), abs=1e-13)
-
-
-@posix_only
-def test_the_dense_solver_stops_computing_on_ctrl_c():
-    # It is interrupted once it has computed for a while; from then on it takes less than a second of processor time.
-    printed = interrupt(
-        """if True:
-        import os, threading, time
-        import numpy as np, cgroup
-        source, target = np.random.default_rng(0).normal(size=(2, 5000, 3))
-        def say_when_it_computes():
-            while time.process_time() < start + 2.0:
-                time.sleep(0.05)
-            os.write(1, b"computing\\n")
-        start = time.process_time()
-        try:
-            threading.Thread(target=say_when_it_computes, daemon=True).start()
-            while True:
-                cgroup.st(source, target, eigensolver="dense", max_memory=1 << 30)
-        except KeyboardInterrupt:
-            interrupted, last = time.process_time(), -1.0
-            while time.process_time() - last > 0.02:
-                last = time.process_time()
-                time.sleep(0.2)
-            print(last - interrupted < 1.0)
-        """,
-        after="computing",
-    )
-    assert printed == "True\n"

@@ -32,22 +32,16 @@ def ply_of(points: np.ndarray, *names: str) -> bytes:
         ("d.laz", bytes(104) + b"\x80" + bytes(200), None),
         ("e.bin", bytes(16), ["reflectance"]),
         ("f.xyz", b"0 0 0 7\n1 0 0 7\n", ["column 4"]),
-        ("f.txt", b"# a note\n0 0 0\n1 0 0\n", []),
         ("f.csv", b"x,y,z,nx,ny,nz,Intensity\n0,0,0,0,0,1,7\n", ["Intensity"]),
         ("f.asc", b"//X Y Z Scalar\n0 0 0 7\n", ["Scalar"]),
         ("g.txt", b"1,5 2,5 3,5\n1,5 2,5 3,5\n", []),
         ("h.csv", b"1,5;2,5;3,5;7\n", ["column 4"]),
-        ("i.csv", b"1, 2, 3, 4\n# made by some tool\n", ["column 4"]),
         ("j.csv", b'"x";"y";"z";"scan angle"\n1;2;3;4\n', ["scan angle"]),
-        ("k.txt", b"2\n# of a scan\n0 0 0 7\n1 0 0 7\n", ["column 4"]),
         ("l.asc", b"//X Y Z R G B\n0 0 0 1 2 3\n", ["R", "G", "B"]),
-        ("f.xyzn", b"0 0 0 0 0 1\n", []),
         ("f.pts", b"1\n0 0 0 7 1 2 3\n", ["intensity"]),
         ("g.pts", b"1\n0 0 0 1 2 3\n", []),
         ("h.e57", e57(({**dict.fromkeys(E57_FIELDS, (FLOAT, [0.0]))}, "")), ["intensity", "timeStamp"]),
         ("i.e57", e57(({**dict.fromkeys(E57_FIELDS, (FLOAT, [0.0]))}, ""))[:600], []),
-        ("j.e57", b"ASTM-E57", []),
-        ("g.las", b"", None),
         ("h.ply", b"element", []),
     ],
 )  # fmt: skip
@@ -64,12 +58,9 @@ def test_headers(tmp_path: Path, name: str, content: bytes, wanted: list[str] | 
         assert found == wanted
 
 
-def test_commands_name_what_their_outputs_lack(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_commands_name_what_their_outputs_lack(elsewhere: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pair = standin_pair(pixels=60)
-    Path("source.ply").write_bytes(ply_of(pair.source.points, "intensity", "gps_time"))
+    (elsewhere / "source.ply").write_bytes(ply_of(pair.source.points, "intensity", "gps_time"))
     write_cloud("target.ply", pair.target)
     assert "intensity, gps_time: neither used nor written" in " ".join(
         succeed(capsys, "register", "source.ply", "target.ply").split()

@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from public_calls import MATCHES, PAIR, PROBLEM, Call, called_names, public_calls
+from public_calls import PAIR, PROBLEM, Call, called_names, public_calls
 from wrong_values import HUGE, WRONG, FloatLike
 
-import cgroup
 from cgroup import plots, registration
 from cgroup.benchmark.solver import make_solver
 from cgroup.errors import CgroupError, InputError
@@ -55,16 +54,6 @@ def run(call: Call, parameter: inspect.Parameter, value: Any) -> str | None:
     ("parameter", "call"),
     [
         ("models", lambda: registration.recognize({1: PAIR.source}, PAIR.target)),  # pyright: ignore[reportArgumentType]
-        (
-            "masks",
-            lambda: plots.comparison_figure(
-                *(PROBLEM.source, PROBLEM.target, MATCHES),
-                correct=PROBLEM.inlier_mask,
-                masks={None: PROBLEM.inlier_mask},  # pyright: ignore[reportArgumentType]
-                T_target_source=np.eye(4),
-                title="",
-            ),
-        ),
         ("keypoints", lambda: plots.keypoints_figure(PROBLEM.source, {b"iss": [0]}, title="")),  # pyright: ignore[reportArgumentType]
         ("options", lambda: make_solver("method", "", "gc", {1: 2})),  # pyright: ignore[reportArgumentType]
         ("options", lambda: make_solver("pipeline", "", "cgroup", {1: 2})),  # pyright: ignore[reportArgumentType]
@@ -148,62 +137,33 @@ def test_scalars_of_numpy_are_what_they_stand_for(calls: dict[str, Call], name: 
                 assert run(call, parameter, kind(value)) is None, f"{parameter.name}={kind}"
 
 
-ANYTHING = st.one_of(
-    st.sampled_from(list(WRONG)).map(lambda key: {"from": key}),  # hostile values can't be printed
-    st.none()
-    | st.booleans()
-    | st.integers(-5, 5)
-    | st.floats()
-    | st.text(max_size=5)
-    | st.binary(max_size=5),
-    st.lists(st.lists(st.floats(-1, 1), min_size=3, max_size=3), max_size=4),
-)
-
-
-@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_several_wrong_values_at_once(calls: dict[str, Call], data: st.DataObject) -> None:
     call = calls[data.draw(st.sampled_from(NAMES), label="function")]
     names = [each.name for each in parameters(call) if each.kind is not each.VAR_POSITIONAL]
-    drawn = {name: data.draw(ANYTHING, label=name) for name in names if data.draw(st.booleans())}
-    values = {name: WRONG[v["from"]] if isinstance(v, dict) else v for name, v in drawn.items()}
+    chosen = data.draw(st.lists(st.sampled_from(names), unique=True) if names else st.just([]), label="names")
+    values = {name: WRONG[data.draw(st.sampled_from(sorted(WRONG)), label=name)] for name in chosen}
     if callable(values.get("progress")):
         values["progress"] = print
     with contextlib.suppress(CgroupError):
         call.run(**values)
 
 
-def test_no_correspondences() -> None:
-    with pytest.raises(InputError, match="correspondences: got None; give group.Correspondences"):
-        cgroup.group(None, "gtm")  # pyright: ignore[reportArgumentType]
-    with pytest.raises(InputError, match=r"problems\[1\]: got None"):
-        cgroup.group_many([MATCHES, None], "gtm")  # pyright: ignore[reportArgumentType]
-
-
 @pytest.mark.parametrize("call", [registration.register, registration.correspond])
 def test_a_callback_is_checked_before_work_begins(call: Any) -> None:
-    """And not after the 50 ms that pass until it is called for the first time."""
     with pytest.raises(InputError, match="progress: got 5; give a function that takes the name of a stage"):
         call(PAIR.source, PAIR.target, progress=5)
-
-
-def test_missing_names_are_errors_of_python() -> None:
-    with pytest.raises(TypeError, match="missing"):
-        cgroup.gtm(PROBLEM.source)  # pyright: ignore[reportCallIssue]
 
 
 @pytest.mark.parametrize(
     ("wrong", "words"),
     [
-        ({"points": None}, "cloud: got None"),
         ({"normals": [[0, 0, 1]]}, r"cloud\.normals: got 1 for 643 points"),
-        ({"normals": "up"}, r"cloud\.normals: got .up.; give"),
-        ({"faces": [[0, 1]]}, r"cloud\.faces: got shape \(1,2\)"),
         ({"faces": [[0, 1, 643]]}, r"cloud\.faces: got row 643, but there are 643 points"),
         ({"faces": [[0, 1, -1]]}, r"cloud\.faces: got index -1"),
     ],
 )
 def test_clouds_with_wrong_parts(wrong: dict[str, Any], words: str) -> None:
-    parts: dict[str, Any] = {"points": PAIR.source.points, **wrong}
     with pytest.raises(InputError, match=words):
-        registration.describe(PointCloud(**parts))
+        registration.describe(PointCloud(PAIR.source.points, **wrong))
