@@ -1,7 +1,7 @@
-//! A cloud made ready once: its points, and the searches and the resolution that its users have asked for.
+//! A prepared cloud: its points, with cached searches and resolution.
 //!
-//! All steps of the front end look into the same few neighbourhoods. What is built for one of them is kept
-//! for the next.
+//! All steps of the front end query the same few neighbourhoods. A search that one step builds is kept for
+//! the next.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 
@@ -12,10 +12,10 @@ use crate::geometry::neighbors::NearestNeighbors;
 use crate::geometry::resolution;
 use crate::points::Points;
 
-/// Ball searches that are kept, the latest ones; a detector and a descriptor use two.
+/// Number of ball searches kept, the latest ones; a detector and a descriptor use two.
 const MOST_KEPT: usize = 3;
 
-/// Points, with what has been computed of them so far. Threads may share it.
+/// Points and their cached searches. Threads may share it.
 ///
 /// Kept searches take up to 240 bytes per point.
 #[derive(Debug, Default)]
@@ -33,12 +33,12 @@ struct Kept {
 }
 
 impl Cloud {
-    /// Takes points that are valid already.
+    /// Cloud of points that are already validated.
     pub fn new(points: Points) -> Self {
         Self { points, kept: Mutex::default() }
     }
 
-    /// Takes rows of coordinates; `name` is used in the error message.
+    /// Cloud of rows of coordinates; `name` is used in the error message.
     ///
     /// # Errors
     /// As [`Points::from_rows`].
@@ -54,7 +54,7 @@ impl Cloud {
     /// Mean distance to the nearest other point (see [`resolution::mean_nearest_distance`]).
     ///
     /// # Errors
-    /// [`crate::Error::InvalidInput`] for fewer than two points, or where every distance was left out;
+    /// [`crate::Error::InvalidInput`] for fewer than two points, or if every distance is ignored;
     /// [`crate::Error::Interrupted`].
     pub fn resolution(&self, ignore_zero: bool, execution: &Execution) -> Result<f64> {
         let known = self.kept().and_then(|kept| kept.resolution);
@@ -84,8 +84,8 @@ impl Cloud {
         Ok(built)
     }
 
-    /// The search for all points within `radius`, whose balls are in the order of a grid made for it: sums
-    /// over a ball are the same bits whatever was searched before.
+    /// The search for all points within `radius`, on a grid made for this radius: the order of a ball, and so
+    /// the bits of sums over it, do not depend on earlier searches.
     ///
     /// # Errors
     /// [`crate::Error::InvalidInput`] unless the radius is positive.
@@ -93,7 +93,7 @@ impl Cloud {
         self.find(radius, |search| search.is_made_for(radius))
     }
 
-    /// The same in any order, which a search for a somewhat larger radius serves too.
+    /// As [`Self::balls`] in any order, which allows to reuse the grid of a somewhat larger radius.
     ///
     /// # Errors
     /// [`crate::Error::InvalidInput`] unless the radius is positive.
@@ -106,7 +106,7 @@ impl Cloud {
         if let Some(known) = known {
             return Ok(known.narrowed(radius));
         }
-        // Built without the lock, which a fork in the meantime would leave locked for ever.
+        // Built without the lock: a fork in the meantime would leave the lock held for ever.
         let built = BallSearch::new(&self.points, radius)?;
         if let Some(mut kept) = self.kept() {
             if kept.balls.len() == MOST_KEPT {
@@ -117,8 +117,8 @@ impl Cloud {
         Ok(built)
     }
 
-    /// What is kept; none while another thread looks, for then building anew is faster than to wait, and a
-    /// forked process may find the lock held for ever.
+    /// The cache; `None` while another thread uses it: building anew is faster than waiting, and a forked
+    /// process may find the lock held for ever.
     fn kept(&self) -> Option<MutexGuard<'_, Kept>> {
         match self.kept.try_lock() {
             Ok(kept) => Some(kept),

@@ -1,4 +1,4 @@
-//! Putative matches between two shapes, validated when they are put together.
+//! Putative matches between two shapes, validated on construction.
 
 use nalgebra::Point3;
 
@@ -10,7 +10,7 @@ pub use crate::frames::Frame;
 
 /// `n` correspondences; row `i` of every field describes the same match.
 ///
-/// Only the fields that a method is defined on need to be there.
+/// Only the fields that the chosen method requires need to be set.
 #[derive(Debug, Clone, Default)]
 pub struct Correspondences {
     len: usize,
@@ -24,7 +24,7 @@ pub struct Correspondences {
 }
 
 impl Correspondences {
-    /// Correspondences known by their descriptors alone.
+    /// Correspondences without positions, for methods that use descriptors alone.
     pub fn without_positions(len: usize) -> Self {
         Self { len, ..Self::default() }
     }
@@ -115,10 +115,10 @@ impl Correspondences {
         Ok(self)
     }
 
-    /// Adds target points that each source point may be matched with, as many for each, the likeliest first.
+    /// Adds candidate target points of each source point, as many for each, the likeliest first.
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] for a number that is no multiple of that of the correspondences.
+    /// [`Error::InvalidInput`] if their number is not a multiple of the number of correspondences.
     pub fn with_candidates(mut self, candidates: Points) -> Result<Self> {
         if !candidates.len().is_multiple_of(self.len.max(1)) {
             let remedy = format!("give as many for each of the {} correspondences", self.len);
@@ -141,7 +141,7 @@ impl Correspondences {
     /// Source and target points.
     ///
     /// # Errors
-    /// [`Error::MissingField`] where there are none.
+    /// [`Error::MissingField`] if they are not set.
     pub fn positions(&self, method: &'static str) -> Result<(&Points, &Points)> {
         let remedy = "give the matched points of both shapes";
         self.positions.as_ref().map(|(s, t)| (s, t)).ok_or(Error::MissingField {
@@ -154,13 +154,13 @@ impl Correspondences {
     /// Descriptor similarities, `1 - |f_norm - f'_norm|`.
     ///
     /// # Errors
-    /// [`Error::MissingField`] where there are none.
+    /// [`Error::MissingField`] if they are not set.
     pub fn similarity(&self, method: &'static str) -> Result<&[f64]> {
         let remedy = "it comes from descriptor matching: 1 - |f - f'| on unit descriptors";
         self.similarity.as_deref().ok_or(Error::MissingField { method, field: "similarity", remedy })
     }
 
-    /// Descriptor similarities, where a method can do without them.
+    /// Descriptor similarities, for methods that do not require them.
     pub fn optional_similarity(&self) -> Option<&[f64]> {
         self.similarity.as_deref()
     }
@@ -168,13 +168,13 @@ impl Correspondences {
     /// Ratios of nearest to second-nearest descriptor distance.
     ///
     /// # Errors
-    /// [`Error::MissingField`] where there are none.
+    /// [`Error::MissingField`] if they are not set.
     pub fn ratio(&self, method: &'static str) -> Result<&[f64]> {
         let remedy = "it comes from descriptor matching: nearest / second-nearest distance";
         self.ratio.as_deref().ok_or(Error::MissingField { method, field: "ratio", remedy })
     }
 
-    /// Ratios of nearest to second-nearest descriptor distance, where a method can do without them.
+    /// Ratios of nearest to second-nearest descriptor distance, for methods that do not require them.
     pub fn optional_ratio(&self) -> Option<&[f64]> {
         self.ratio.as_deref()
     }
@@ -182,22 +182,22 @@ impl Correspondences {
     /// Local reference frames of source and target.
     ///
     /// # Errors
-    /// [`Error::MissingField`] where there are none.
+    /// [`Error::MissingField`] if they are not set.
     pub fn frames(&self, method: &'static str) -> Result<(&Frames, &Frames)> {
         let remedy = "compute local reference frames at the keypoints of both clouds (SHOT's, for one)";
         let missing = Error::MissingField { method, field: "source_lrf", remedy };
         self.frames.as_ref().map(|(s, t)| (s, t)).ok_or(missing)
     }
 
-    /// Points that each source point may be matched with, one correspondence's after the other's.
+    /// Candidate target points of each source point, sorted by correspondence.
     pub fn candidates(&self) -> Option<&Points> {
         self.candidates.as_ref()
     }
 
-    /// The length `given`, or else `factor` times the resolution.
+    /// Returns the length `given`, or else `factor` times the resolution.
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] for a length that is not positive, or where neither is known.
+    /// [`Error::InvalidInput`] for a length that is not positive, or if neither is known.
     pub fn length(&self, name: &str, given: Option<f64>, factor: f64) -> Result<f64> {
         if let Some(value) = given {
             return positive(name, value);
@@ -213,12 +213,12 @@ impl Correspondences {
         Ok(factor * resolution)
     }
 
-    /// The resolution, if it is known.
+    /// The resolution, if known.
     pub fn resolution(&self) -> Option<f64> {
         self.resolution
     }
 
-    /// Centroid of the source cloud relative to the source points' centre, if it is known.
+    /// Centroid of the source cloud relative to the source points' centre, if known.
     pub fn centered_source_centroid(&self) -> Option<Point3<f64>> {
         let (source, _) = self.positions.as_ref()?;
         self.source_centroid.map(|centroid| centroid - source.center())

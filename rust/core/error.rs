@@ -1,36 +1,36 @@
-//! The one error type of the crate: what was wrong, what was got, why, and what to do.
+//! The error type of the crate: what was wrong, the value, the cause and the remedy.
 
-/// Why a computation could not be done.
+/// Reason why a computation failed.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// An argument that no method can work with.
+    /// An invalid argument.
     #[error("{what}: got {got}; {remedy}")]
     InvalidInput {
         /// The argument, by its public name.
         what: String,
         /// The offending value, row or shape.
         got: String,
-        /// What is expected, and what to do about it.
+        /// The expected value, and how to provide it.
         remedy: String,
     },
-    /// The correspondences lack something that the method is defined on.
+    /// The correspondences lack a field that the method requires.
     #[error("{method} needs `{field}`, which is missing; {remedy}")]
     MissingField {
         /// The method, by its public name.
         method: &'static str,
         /// The missing field.
         field: &'static str,
-        /// Where such a field comes from.
+        /// How to compute the field.
         remedy: &'static str,
     },
-    /// The group holds too few points to fix a rigid transform.
+    /// The group has too few points to determine a rigid transform.
     #[error("no consensus: {reason}")]
     NoConsensus {
-        /// How many correspondences there were, and how many are needed.
+        /// The number of correspondences, and the number needed.
         reason: String,
     },
-    /// The system gave no memory for a block.
+    /// The system refused the memory of a block.
     #[error(
         "no memory for a block of {}; give fewer points, a lower max_memory or fewer threads, or allow the process more memory",
         mebibytes(*bytes)
@@ -39,7 +39,7 @@ pub enum Error {
         /// Size of the block.
         bytes: usize,
     },
-    /// The caller asked to stop.
+    /// The caller requested a stop.
     #[error("interrupted")]
     Interrupted,
 }
@@ -55,7 +55,7 @@ impl Error {
     }
 }
 
-/// A size in words.
+/// A size with its unit.
 fn mebibytes(bytes: usize) -> String {
     let size = bytes as f64 / f64::from(1 << 20);
     if size < 10.0 { format!("{size:.1} MiB") } else { format!("{size:.0} MiB") }

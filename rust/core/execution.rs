@@ -1,20 +1,20 @@
-//! How a computation runs: it can be interrupted, reports its progress, and keeps to a memory bound.
+//! Control of a computation: interruption, progress and memory bound.
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use crate::error::{Error, Result};
 
-/// Memory that pairwise matrices may take when the caller names no bound: 1 GiB.
+/// Memory of pairwise matrices unless the caller sets a bound: 1 GiB.
 pub const DEFAULT_MAX_MEMORY: usize = 1 << 30;
 
-/// Shared between the thread that computes and the one that waits.
+/// Shared between the computing thread and the waiting one.
 #[derive(Debug)]
 pub struct Execution {
     interrupted: AtomicBool,
     stopped: AtomicBool,
     done: AtomicUsize,
     total: AtomicUsize,
-    /// Bytes that a dense pairwise matrix may take; larger ones are recomputed row by row.
+    /// Most bytes of a dense pairwise matrix; larger ones are recomputed row by row.
     pub max_memory: usize,
 }
 
@@ -36,12 +36,12 @@ impl Execution {
         }
     }
 
-    /// Asks the computation to stop; it returns [`Error::Interrupted`] soon after.
+    /// Requests an interruption; the computation returns [`Error::Interrupted`] soon after.
     pub fn interrupt(&self) {
         self.interrupted.store(true, Ordering::Relaxed);
     }
 
-    /// To be called by every long loop, at least every few milliseconds.
+    /// Checks for an interruption. Every long loop calls this at least every few milliseconds.
     ///
     /// # Errors
     /// [`Error::Interrupted`] once [`Self::interrupt`] was called.
@@ -52,18 +52,18 @@ impl Execution {
         Ok(())
     }
 
-    /// Asks a search that may end early to do so, with the best that it has found: its time is over.
+    /// Requests an early end of a search that supports it; the search returns its best result so far.
     pub fn stop(&self) {
         self.stopped.store(true, Ordering::Relaxed);
     }
 
-    /// Whether [`Self::stop`] was called. A search that may end early looks often; what it found by then depends on the
-    /// time, and it has to say that it was cut short.
+    /// Whether [`Self::stop`] was called. A search that supports it checks often. Its result then depends on
+    /// the time, and it must report that it stopped early.
     pub fn is_stopped(&self) -> bool {
         self.stopped.load(Ordering::Relaxed)
     }
 
-    /// Says that `done` of `total` equal steps are behind us, and checks for an interruption.
+    /// Reports that `done` of `total` equal steps are complete, and checks for an interruption.
     ///
     /// # Errors
     /// [`Error::Interrupted`] once [`Self::interrupt`] was called.
@@ -73,7 +73,7 @@ impl Execution {
         self.check()
     }
 
-    /// Says that one more of the steps last announced by [`Self::report`] is behind us, and checks for an
+    /// Reports one more completed step of those last announced by [`Self::report`], and checks for an
     /// interruption; for loops whose steps end in any order.
     ///
     /// # Errors

@@ -1,4 +1,4 @@
-//! Local reference frames of matched keypoints, kept as they are given.
+//! Local reference frames of matched keypoints, in the caller's precision.
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 
@@ -11,10 +11,10 @@ use crate::simd::{self, DOUBLES};
 /// A local reference frame: rows are the x, y and z axes. `None`: no frame could be computed.
 pub type Frame = Option<Matrix3<f64>>;
 
-/// A frame row by row; with NaN in it, none.
+/// A frame by rows; NaN marks a missing frame.
 pub type FrameBlock<T> = [T; 9];
 
-/// The frames of one side, in the precision that they came in: most of the time goes into moving them.
+/// The frames of one side, in the precision given: most of the time goes into moving them.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Frames {
     /// In single precision.
@@ -23,7 +23,7 @@ pub enum Frames {
     Double(Vec<FrameBlock<f64>>),
 }
 
-/// What frames can be made of.
+/// Input that frames can be made from.
 pub trait IntoFrames {
     /// The frames.
     ///
@@ -47,7 +47,7 @@ impl IntoFrames for Vec<Frame> {
 }
 
 impl Frames {
-    /// How many there are, the missing ones included.
+    /// Number of frames, including missing ones.
     pub fn len(&self) -> usize {
         match self {
             Self::Single(blocks) => blocks.len(),
@@ -55,7 +55,7 @@ impl Frames {
         }
     }
 
-    /// Whether there are none.
+    /// Whether there are no frames.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -65,7 +65,7 @@ impl Frames {
         self.block(i).map(|axes| Matrix3::from_row_slice(&axes))
     }
 
-    /// Frame `i` row by row.
+    /// Frame `i` by rows.
     #[inline]
     pub fn block(&self, i: usize) -> Option<FrameBlock<f64>> {
         let block = match self {
@@ -75,7 +75,7 @@ impl Frames {
         (!is_missing(&block)).then_some(block)
     }
 
-    /// Refuses anything but rotations (to 1e-3) and missing frames.
+    /// Checks that every frame is a rotation (to 1e-3) or missing.
     ///
     /// # Errors
     /// [`Error::InvalidInput`] naming the first row that is neither.
@@ -95,7 +95,7 @@ fn is_missing(block: &FrameBlock<f64>) -> bool {
     block.iter().fold(false, |missing, value| missing | value.is_nan())
 }
 
-/// Greatest entry of `A A^T - I`, or a reflection, that still passes for a rotation.
+/// Greatest deviation of a rotation: that of the entries of `A A^T - I`; reflections deviate more.
 const TOLERANCE: f64 = 1e-3;
 
 fn first_wrong<T: Copy + Into<f64>>(blocks: &[FrameBlock<T>]) -> Option<usize> {
@@ -108,7 +108,7 @@ fn first_wrong<T: Copy + Into<f64>>(blocks: &[FrameBlock<T>]) -> Option<usize> {
     blocks.chunks(DOUBLES).enumerate().find_map(suspects)
 }
 
-/// How far each frame is from a rotation; anything where it has NaN in it.
+/// Deviation of each frame from a rotation; arbitrary for missing frames.
 fn deviations<T: Copy + Into<f64>>(blocks: &[FrameBlock<T>]) -> [f64; DOUBLES] {
     let mut entries = [[0.0; DOUBLES]; 9];
     for (lane, block) in blocks.iter().enumerate() {

@@ -8,49 +8,49 @@ use crate::rule::Rule;
 
 use std::collections::BTreeMap;
 
-/// The correspondences that a method holds to be right.
+/// The correspondences selected by a method.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Grouping {
     /// Row `i` is true where correspondence `i` is selected; in the input's order.
     pub mask: Vec<bool>,
     /// The method's score of every correspondence, higher is better.
     pub scores: Option<Vec<f64>>,
-    /// The cut on the scores that was really used.
+    /// The threshold applied to the scores.
     pub threshold: Option<f64>,
-    /// The rigid model behind the selection, for methods that fit one: maps source into target.
+    /// The rigid model of the selection, for methods that fit one: maps source into target.
     pub model: Option<Matrix4<f64>>,
-    /// Poses that the correspondences speak for, the model first, for methods that find several.
+    /// Poses supported by the correspondences, the model first, for methods that find several.
     pub alternatives: Option<Vec<Alternative>>,
-    /// Whether fewer than one wrong group in a hundred inputs is expected, for methods that can tell.
+    /// Whether at most one wrong group in a hundred inputs is expected, for methods that estimate it.
     pub ok: Option<bool>,
-    /// Groups as good as this one to be expected in an input in which no correspondence is right.
+    /// Expected number of groups this good in an input without a correct correspondence.
     pub false_alarms: Option<f64>,
-    /// Standard deviation of right correspondences, a length, for methods that estimate it.
+    /// Standard deviation of correct correspondences, a length, for methods that estimate it.
     pub noise: Option<f64>,
-    /// A mask for each rigid motion that is `ok`, the group's first, where several were asked for.
+    /// A mask for each rigid motion that is `ok`, the group's first, if several were requested.
     pub instances: Option<Vec<Vec<bool>>>,
-    /// The rule that decided.
+    /// The rule of the selection.
     pub rule: Rule,
-    /// Facts about the run: iterations, cluster seed, eigenvalue, ...
+    /// Statistics of the run: iterations, cluster seed, eigenvalue, ...
     pub diagnostics: BTreeMap<&'static str, f64>,
 }
 
-/// A rigid model that a method holds to be possible.
+/// A possible rigid model.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Alternative {
     /// Maps source into target.
     pub model: Matrix4<f64>,
-    /// The method's score of it, higher is better.
+    /// The method's score of the model, higher is better.
     pub score: f64,
 }
 
 impl Grouping {
-    /// A selection without scores.
+    /// Result without scores.
     pub fn from_mask(mask: Vec<bool>) -> Self {
         Self { mask, ..Self::default() }
     }
 
-    /// Nothing selected among `n`.
+    /// Empty selection among `n` correspondences.
     ///
     /// # Errors
     /// [`crate::Error::OutOfMemory`].
@@ -58,14 +58,14 @@ impl Grouping {
         memory::filled(false, n).map(Self::from_mask)
     }
 
-    /// The same with one more fact about the run.
+    /// Adds a statistic of the run.
     #[must_use]
     pub fn with(mut self, name: &'static str, value: f64) -> Self {
         self.diagnostics.insert(name, value);
         self
     }
 
-    /// The same with the rule that decided.
+    /// Sets the rule of the selection.
     #[must_use]
     pub fn by(self, rule: Rule) -> Self {
         Self { rule, ..self }

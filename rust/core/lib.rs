@@ -1,25 +1,25 @@
-//! Point cloud registration and 3D correspondence grouping: of putative matches between the points of two 3D shapes, most
-//! of them wrong, find the right ones, and the pose that lays one shape on the other.
+//! Point cloud registration and 3D correspondence grouping: finds the correct ones among putative matches
+//! between the points of two 3D shapes, most of them wrong, and the pose that aligns the shapes.
 //!
-//! The core of the Python package of the same name, pure Rust. It reads no files and no clock, prints nothing, and gives the
-//! same bits on any number of threads. Vectors and matrices are nalgebra's:
+//! The core of the Python package of the same name, in pure Rust. It reads no files and no clock, prints
+//! nothing, and returns the same bits on any number of threads. Vectors and matrices are nalgebra's:
 //!
 //! ```sh
 //! cargo add cgroup --git https://github.com/cgroup-project/cgroup
 //! cargo add nalgebra@0.35
 //! ```
 //!
-//! | room | what for |
+//! | module | contents |
 //! |---|---|
-//! | [`grouping`] | fifteen methods that find the right matches; each is a struct of its options, all are a [`GroupingMethod`] |
+//! | [`grouping`] | fifteen methods that select the correct matches; each is a struct of its options and a [`GroupingMethod`] |
 //! | [`features`] | voxels, normals, keypoints, frames, descriptors, matching |
-//! | [`verification`] | poses judged and refined on the surfaces of both clouds |
-//! | [`cloud_formats`] | clouds from the bytes of PLY, PCD, OBJ, OFF, STL, text, PTS and KITTI files |
-//! | [`compatibility`], [`consensus`], [`selection`], [`geometry`] | what the methods are made of |
+//! | [`verification`] | scores and refines poses on the surfaces of both clouds |
+//! | [`cloud_formats`] | reads clouds from the bytes of PLY, PCD, OBJ, OFF, STL, text, PTS and KITTI files |
+//! | [`compatibility`], [`consensus`], [`selection`], [`geometry`] | components of the methods |
 //!
-//! An [`Execution`] goes into whatever may take long: it can be interrupted, tells the progress, and bounds the memory. What can't be
-//! done is an [`Error`], and there is no panic. Computations use rayon's threads. Lengths are in the unit of the data; angles are in degrees
-//! where a name says so.
+//! Every long computation takes an [`Execution`]: it can interrupt the computation, reads its progress, and
+//! bounds its memory. Failures are an [`Error`]; the crate does not panic. Computations use rayon's threads.
+//! Lengths are in the unit of the data; angles are in degrees if a name says so.
 //!
 //! # Group matches
 //!
@@ -31,14 +31,14 @@
 //!
 //! # Register two scans
 //!
-//! What the Python package's `register` does at its heart, without its search for rivals and its probability.
+//! The core of the Python package's `register`, without its search for rivals and its probability.
 //! `cargo run --release --example 02_register_two_scans`
 //!
 //! ```
 #![doc = include_str!("../examples/02_register_two_scans.rs")]
 //! ```
 //!
-//! # Judge a pose
+//! # Score a pose
 //!
 //! `cargo run --release --example 03_judge_a_pose`
 //!
@@ -66,7 +66,7 @@
 //! | ST | 3.2 | | [`grouping::spectral`] |
 //! | principal eigenvector v (ST) | 3.2 | | [`selection::eigenvector`] |
 //! | `r(c_i, c_j) = min(ds/dt, dt/ds)`, of all pairs (ST, GTM) | 3.2 | 12 | [`compatibility::matrix::PairScore::DistanceRatio`] |
-//! | the same, of one pair (RANSAC's option `edge_ratio`) | 3.2 | 12 | [`compatibility::distance::distance_ratio`] |
+//! | `r(c_i, c_j)` of one pair (RANSAC's option `edge_ratio`) | 3.2 | 12 | [`compatibility::distance::distance_ratio`] |
 //! | `d(c_i, c_j) = \|ds - dt\| < t_gc`, of all pairs (GC) | 3.2 | 13 | [`compatibility::agreement`] |
 //! | `d(c_i, c_j)` of one pair (GC) | 3.2 | 13 | [`compatibility::distance::distance_difference`] |
 //! | GC, the largest cluster | 3.2 | | [`grouping::geometric_consistency`] |

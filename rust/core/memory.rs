@@ -1,7 +1,8 @@
-//! Blocks of memory whose size grows with the input: reserved so that a failure is an error and not an abort.
+//! Memory blocks whose size grows with the input: a failed reservation is an error and not an abort.
 //!
-//! The collections of the standard library end the process where the system refuses memory. Whatever grows with
-//! the number of correspondences or points is therefore reserved here first. Blocks of fixed size are not.
+//! The collections of the standard library end the process if the system refuses memory. All memory that
+//! grows with the number of correspondences or points is therefore reserved here first. Blocks of fixed size
+//! are not.
 
 use std::collections::HashSet;
 use std::hash::Hash;
@@ -31,7 +32,7 @@ pub fn set<T: Eq + Hash>(len: usize) -> Result<HashSet<T>> {
     Ok(items)
 }
 
-/// Room for `more` items behind those that are there.
+/// Reserves room for `more` items after the existing ones.
 ///
 /// # Errors
 /// [`Error::OutOfMemory`].
@@ -49,7 +50,7 @@ pub fn filled<T: Clone>(value: T, len: usize) -> Result<Vec<T>> {
     Ok(items)
 }
 
-/// A copy.
+/// Copies a slice.
 ///
 /// # Errors
 /// [`Error::OutOfMemory`].
@@ -59,7 +60,7 @@ pub fn copied<T: Clone>(items: &[T]) -> Result<Vec<T>> {
     Ok(copy)
 }
 
-/// Cuts items off, or fills up with a value, until there are `len`.
+/// Truncates, or pads with a value, to `len` items.
 ///
 /// # Errors
 /// [`Error::OutOfMemory`].
@@ -69,7 +70,7 @@ pub fn resize<T: Clone>(items: &mut Vec<T>, len: usize, value: T) -> Result<()> 
     Ok(())
 }
 
-/// Adds copies of items.
+/// Appends copies of items.
 ///
 /// # Errors
 /// [`Error::OutOfMemory`].
@@ -79,7 +80,7 @@ pub fn extend<T: Clone>(items: &mut Vec<T>, more: &[T]) -> Result<()> {
     Ok(())
 }
 
-/// All items of several blocks, one after the other.
+/// Concatenates several blocks.
 ///
 /// # Errors
 /// [`Error::OutOfMemory`].
@@ -89,7 +90,7 @@ pub fn concat<T: Clone>(blocks: &[Vec<T>]) -> Result<Vec<T>> {
     Ok(items)
 }
 
-/// Adds an item; room for more is made in steps that double it.
+/// Appends an item; the capacity doubles when it is exhausted.
 ///
 /// # Errors
 /// [`Error::OutOfMemory`].
@@ -101,7 +102,7 @@ pub fn push<T>(items: &mut Vec<T>, item: T) -> Result<()> {
     Ok(())
 }
 
-/// What an iterator yields.
+/// Collects the items of an iterator.
 ///
 /// # Errors
 /// [`Error::OutOfMemory`].
@@ -110,7 +111,7 @@ pub fn collect<T>(items: impl IntoIterator<Item = T>) -> Result<Vec<T>> {
     let (least, most) = items.size_hint();
     let mut collected = with_capacity(least)?;
     if most == Some(least) {
-        collected.extend(items); // there is room for them, and this is faster than one by one
+        collected.extend(items); // the room is reserved, and this is faster than one by one
         return Ok(collected);
     }
     for item in items {
@@ -119,7 +120,7 @@ pub fn collect<T>(items: impl IntoIterator<Item = T>) -> Result<Vec<T>> {
     Ok(collected)
 }
 
-/// What a function makes of each item of an array.
+/// Applies a fallible function to each item of an array.
 ///
 /// # Errors
 /// The first error of the function.
@@ -134,7 +135,7 @@ pub fn try_map<T, U: Default, const N: usize>(
     Ok(made)
 }
 
-/// The working space of a thread, which its first task may have failed to reserve.
+/// The working space of a thread, whose reservation may have failed in the thread's first task.
 ///
 /// # Errors
 /// [`Error::OutOfMemory`].
@@ -142,13 +143,13 @@ pub fn ready<T>(space: &mut Result<T>) -> Result<&mut T> {
     space.as_mut().map_err(|error| error.clone())
 }
 
-/// What an iterator of results yields, or its first error.
+/// Collects the items of an iterator of results, or returns its first error.
 ///
 /// # Errors
 /// The first error of the items, or [`Error::OutOfMemory`].
 pub fn try_collect<T>(items: impl IntoIterator<Item = Result<T>>) -> Result<Vec<T>> {
     let items = items.into_iter();
-    // The length that an iterator of results may reach is known; that it fails is the exception.
+    // The upper bound is reserved: errors are rare.
     let mut collected = with_capacity(items.size_hint().1.unwrap_or(0))?;
     for item in items {
         push(&mut collected, item?)?;
@@ -156,7 +157,7 @@ pub fn try_collect<T>(items: impl IntoIterator<Item = Result<T>>) -> Result<Vec<
     Ok(collected)
 }
 
-/// What a parallel iterator yields, in order.
+/// Collects the items of a parallel iterator, in order.
 ///
 /// # Errors
 /// [`Error::OutOfMemory`].
@@ -166,7 +167,7 @@ pub fn par_collect<T: Send>(items: impl IndexedParallelIterator<Item = T>) -> Re
     Ok(collected)
 }
 
-/// What a parallel iterator of results yields, in order, or one of its errors.
+/// Collects the items of a parallel iterator of results, in order, or returns one of its errors.
 ///
 /// # Errors
 /// An error of the items, or [`Error::OutOfMemory`].
@@ -176,7 +177,7 @@ pub fn par_try_collect<T: Send + Default + Clone>(
     par_try_fill(T::default(), items)
 }
 
-/// The same where the items are `value` until they are computed.
+/// As [`par_try_collect`], with `value` as the placeholder of the items.
 ///
 /// # Errors
 /// An error of the items, or [`Error::OutOfMemory`].
@@ -192,8 +193,8 @@ pub fn par_try_fill<T: Send + Clone>(
     Ok(collected)
 }
 
-/// Whether the system would give `len` items of `T` now: for blocks that a library allocates by itself and where a
-/// refusal would end the process.
+/// Checks that the system would now provide `len` items of `T`: for blocks that a library allocates itself,
+/// where a refusal would end the process.
 ///
 /// # Errors
 /// [`Error::OutOfMemory`].
@@ -201,7 +202,7 @@ pub fn probe<T>(len: usize) -> Result<()> {
     with_capacity::<T>(len).map(drop)
 }
 
-/// The error of a block of `len` items that the system refused.
+/// The error for a refused block of `len` items.
 fn refused<T>(len: usize) -> Error {
     Error::OutOfMemory { bytes: len.saturating_mul(size_of::<T>()) }
 }

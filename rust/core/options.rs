@@ -1,11 +1,11 @@
-//! The options of a method, described once: bindings, tests and documents read the description.
+//! The options of a method, described once; bindings, tests and documentation read the description.
 
 use crate::error::{Error, Result, shown};
 
-/// The value of an option, of whatever type.
+/// The value of an option of any type.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Value {
-    /// An optional number that is not given.
+    /// An optional number that is not set.
     None,
     /// A truth value.
     Flag(bool),
@@ -19,67 +19,67 @@ pub enum Value {
     Range(f64, f64),
 }
 
-/// What an option takes.
+/// Type and range of an option.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Kind {
     /// True or false.
     Flag,
-    /// A key of random numbers.
+    /// A seed of random numbers.
     Seed,
     /// A whole number.
     Count {
-        /// The least one.
+        /// The least value.
         least: u64,
-        /// The greatest one.
+        /// The greatest value.
         most: u64,
     },
-    /// A number of rounds, each of which takes time.
+    /// A number of iterations, each of which takes time.
     Rounds {
-        /// The least one.
+        /// The least value.
         least: u64,
     },
     /// A length in the unit of the data: finite and greater than 0.
     Length,
     /// A number.
     Number {
-        /// The least one.
+        /// The least value.
         least: f64,
-        /// The greatest one.
+        /// The greatest value.
         most: f64,
-        /// What to give instead of any other.
+        /// Remedy in the error message for a value out of range.
         remedy: &'static str,
     },
     /// One of a few words or numbers.
     Choice(&'static [Value]),
-    /// A cut on scores: the word "otsu", or a number.
+    /// A threshold of scores: the word "otsu", or a number.
     Cut,
-    /// Whether a scale is unknown, or between which positive bounds it lies.
+    /// Whether the scale is unknown, or its positive bounds.
     Scale,
 }
 
-/// A share of a whole.
+/// A fraction between 0 and 1.
 pub const SHARE: Kind = number(0.0, 1.0, "give a number between 0 and 1");
 
 /// A number from 0 to less than 1.
 pub const BELOW_ONE: Kind = number(0.0, 1.0_f64.next_down(), "give a number from 0 to less than 1");
 
-/// A finite number greater than 0 that is no length.
+/// A finite number greater than 0 that is not a length.
 pub const POSITIVE: Kind = number(0.0_f64.next_up(), f64::MAX, "give a finite number greater than 0");
 
-/// A count with a least value.
+/// A count with a lower bound.
 pub const fn at_least(least: u64) -> Kind {
     Kind::Count { least, most: u64::MAX }
 }
 
-/// One round or more.
+/// A number of iterations, at least one.
 pub const ROUNDS: Kind = Kind::Rounds { least: 1 };
 
-/// A count from 1 to a greatest value.
+/// A count from 1 to an upper bound.
 pub const fn at_most(most: u64) -> Kind {
     Kind::Count { least: 1, most }
 }
 
-/// A number from the least to the greatest value.
+/// A number between two bounds.
 pub const fn number(least: f64, most: f64, remedy: &'static str) -> Kind {
     Kind::Number { least, most, remedy }
 }
@@ -89,16 +89,16 @@ pub const fn number(least: f64, most: f64, remedy: &'static str) -> Kind {
 pub struct OptionInfo {
     /// Its public name.
     pub name: &'static str,
-    /// What it takes.
+    /// Its type and range.
     pub kind: Kind,
-    /// Whether it may be left open.
+    /// Whether it may be unset.
     pub optional: bool,
-    /// What it does, in Markdown, with the spaces of a comment in front of each line.
+    /// Its documentation in Markdown; each line keeps the leading space of its comment.
     pub text: &'static str,
 }
 
 impl OptionInfo {
-    /// Accepts a value that lies in the option's range; its type is known to be right.
+    /// Checks that a value of the correct type lies in the option's range.
     ///
     /// # Errors
     /// [`Error::InvalidInput`] otherwise.
@@ -139,15 +139,15 @@ fn grouped(number: u64) -> String {
         .fold(first.to_owned(), |text, group| text + "," + &String::from_utf8_lossy(group))
 }
 
-/// The description of a method, beside its parameters: `method!` makes it.
+/// The description of a method and access to its options; implemented by `method!`.
 pub trait Described {
     /// The public name.
     fn name(&self) -> &'static str;
 
-    /// Fields of the correspondences that the method can't do without.
+    /// Fields of the correspondences that the method requires.
     fn fields(&self) -> &'static [&'static str];
 
-    /// Fields that it uses where they are there, by default or for some of its options.
+    /// Fields that it uses if present, by default or with some of its options.
     fn optional_fields(&self) -> &'static [&'static str];
 
     /// Its options in their order.
@@ -170,16 +170,16 @@ pub trait Described {
 
 /// A type of options.
 pub trait OptionType: Copy {
-    /// What an option of this type takes unless its description says otherwise.
+    /// Kind of an option of this type unless its description sets another.
     const KIND: Kind;
 
-    /// Whether values may be left open.
+    /// Whether values may be unset.
     const OPTIONAL: bool = false;
 
-    /// A value of this type, where it is one.
+    /// Converts a value to this type, if possible.
     fn read(value: Value) -> Option<Self>;
 
-    /// The value.
+    /// Converts to a value.
     fn value(self) -> Value;
 }
 
@@ -244,7 +244,7 @@ impl<T: OptionType> OptionType for Option<T> {
     }
 }
 
-/// An enum whose values have the names that options give them, the default's first.
+/// Defines an enum whose variants are option words; the first is the default.
 macro_rules! words {
     (
         $(#[$meta:meta])*
@@ -285,7 +285,7 @@ macro_rules! words {
 }
 pub(crate) use words;
 
-/// The parameters of a method: each with its text, its type, its default and its kind.
+/// Defines the parameters of a method: each with its documentation, type, default and kind.
 macro_rules! method {
     (
         $(#[$meta:meta])*

@@ -1,4 +1,4 @@
-//! A set of 3D points as three coordinate arrays, centred so that distances lose no digits.
+//! A set of 3D points as three coordinate arrays, centred to keep the precision of distances.
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 
@@ -11,7 +11,7 @@ use crate::simd::{self, DOUBLES};
 /// Coordinates beyond this magnitude cannot be squared and summed safely.
 pub const MAX_COORDINATE: f64 = 1e150;
 
-/// Squares and products of smaller extents vanish.
+/// Squares and products of smaller extents underflow.
 const MIN_EXTENT: f64 = 1e-60;
 
 /// Edges shorter than this share of the bounding box's diagonal count as zero length.
@@ -31,7 +31,7 @@ pub struct Points {
 }
 
 impl Points {
-    /// Takes rows of coordinates; `name` is used in the error message.
+    /// Reads rows of coordinates; `name` is used in the error message.
     ///
     /// # Errors
     /// [`Error::InvalidInput`] naming the first row that is not finite, or too large to square.
@@ -39,8 +39,8 @@ impl Points {
         Self::from_numbers(name, rows)
     }
 
-    /// The same from rows of numbers of either precision. They are read once: what is validated is what is kept,
-    /// though another process may write to them meanwhile.
+    /// As [`Self::from_rows`] for numbers of either precision. They are read once: the validated values are
+    /// the stored ones, even if another process writes to the input meanwhile.
     ///
     /// # Errors
     /// As [`Self::from_rows`]; [`Error::OutOfMemory`].
@@ -55,7 +55,7 @@ impl Points {
         Ok(points)
     }
 
-    /// The points, and the greatest magnitude of a centred coordinate.
+    /// Centres the points; also returns the greatest magnitude of a centred coordinate.
     fn centered(x: Vec<f64>, y: Vec<f64>, z: Vec<f64>) -> (Self, f64) {
         let mut points = Self { x, y, z, ..Self::default() };
         let total = (0..points.len()).map(|i| points.get(i).coords).sum::<Vector3<f64>>();
@@ -68,7 +68,7 @@ impl Points {
         (points, extremes.iter().fold(0.0, |most: f64, (low, high)| most.max(-low).max(*high)))
     }
 
-    /// A copy.
+    /// Copies the points.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -77,7 +77,7 @@ impl Points {
         Ok(Self { x: x?, y: y?, z: z?, ..*self })
     }
 
-    /// The points turned about their mean, which becomes the origin.
+    /// Rotates the points about their mean, which becomes the origin.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -86,7 +86,7 @@ impl Points {
         Ok(Self::centered(axis(0)?, axis(1)?, axis(2)?).0)
     }
 
-    /// The points mirrored at the plane x = 0 through their centre.
+    /// Mirrors the points at the plane x = 0 through their centre.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -133,7 +133,7 @@ impl Points {
         (self.get(i) - self.get(j)).norm()
     }
 
-    /// The points `indices` alone, centred anew.
+    /// The points at `indices`, centred again.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -142,7 +142,7 @@ impl Points {
         Ok(Self::centered(axis(&self.x)?, axis(&self.y)?, axis(&self.z)?).0)
     }
 
-    /// All points and their mean multiplied by a positive factor.
+    /// Multiplies all points and their mean by a positive factor.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -161,7 +161,7 @@ impl Points {
         (0..self.len()).map(|i| [self.x[i], self.y[i], self.z[i]])
     }
 
-    /// Least coordinates, relative to [`Self::center`], and extents; zero without points.
+    /// Minimum corner, relative to [`Self::center`], and extents; zero without points.
     pub fn bounding_box(&self) -> ([f64; 3], [f64; 3]) {
         if self.is_empty() {
             return ([0.0; 3], [0.0; 3]);
@@ -170,7 +170,7 @@ impl Points {
         (extremes.map(|(low, _)| low), extremes.map(|(low, high)| high - low))
     }
 
-    /// Least and greatest coordinate of each axis.
+    /// Minimum and maximum coordinate of each axis.
     fn extremes(&self) -> [(f64, f64); 3] {
         [&self.x, &self.y, &self.z].map(|axis| {
             simd::run(
@@ -193,7 +193,7 @@ fn extremes(values: &[f64]) -> (f64, f64) {
     (low.into_iter().fold(f64::INFINITY, f64::min), high.into_iter().fold(f64::NEG_INFINITY, f64::max))
 }
 
-/// The coordinates axis by axis. Never inlined, so that no compiler reads the rows again in place of the copy.
+/// Copies the coordinates by axis. Never inlined, so that the compiler does not read the rows a second time.
 #[inline(never)]
 fn copied_axes<T: Copy + Into<f64>>(rows: &[[T; 3]]) -> Result<[Vec<f64>; 3]> {
     let axis = |k: usize| memory::collect(rows.iter().map(|row| row[k].into()));
@@ -201,7 +201,7 @@ fn copied_axes<T: Copy + Into<f64>>(rows: &[[T; 3]]) -> Result<[Vec<f64>; 3]> {
 }
 
 fn validate(name: &str, x: &[f64], y: &[f64], z: &[f64]) -> Result<()> {
-    // Without branches, so that many are looked at together.
+    // Branch-free, so that the compiler vectorizes it.
     let is_right = |axis: &[f64]| axis.iter().fold(true, |all, value| all & (value.abs() <= MAX_COORDINATE));
     if [x, y, z].into_iter().all(is_right) {
         return Ok(());
@@ -218,10 +218,10 @@ fn validate(name: &str, x: &[f64], y: &[f64], z: &[f64]) -> Result<()> {
     Err(Error::invalid(name, format!("{row:?} in row {i}"), remedy))
 }
 
-/// The power of two, which scales exactly, by which lengths up to `extent` come to about 1; their squares in f32
-/// would under- or overflow without it.
+/// The power of two that scales lengths up to `extent` to about 1. Powers of two scale exactly; without
+/// scaling, squares in f32 would under- or overflow.
 pub fn unit_scale(extent: f64) -> f64 {
-    // The inverse of anything smaller than the least normal number is infinite.
+    // The inverse of a number below the least normal one is infinite.
     if extent > 0.0 { (-extent.max(f64::MIN_POSITIVE).log2().round()).exp2() } else { 1.0 }
 }
 

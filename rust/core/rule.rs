@@ -1,6 +1,6 @@
-//! The rule by which a method selects correspondences, with the bounds that it used.
+//! The rule that a method selects correspondences by, with its bounds.
 
-/// What decides whether a correspondence belongs to the group.
+/// Criterion that selects a correspondence.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Kind {
     /// Its score lies above [`crate::Grouping::threshold`].
@@ -10,23 +10,25 @@ pub enum Kind {
     Ratio,
     /// Its residual under the model is below the bound.
     Residual,
-    /// It belongs to the maximum clique of those that agree, and no coordinate of its residual exceeds the bound.
+    /// It belongs to the maximum clique of agreeing correspondences, and no coordinate of its residual
+    /// exceeds the bound.
     AxesInClique,
-    /// The same in the densest core of those that agree.
+    /// As `AxesInClique`, for the densest core of agreeing correspondences.
     AxesInCore,
-    /// In the order of the scores: none that was accepted before it conflicts with it.
+    /// In the order of the scores, it conflicts with no correspondence accepted before it.
     Conflict,
-    /// The same, with new scores after each acceptance.
+    /// As `Conflict`, with new scores after each acceptance.
     RecomputedConflict,
     /// Its distance to the seed of the largest star changes by less than the bound.
     Star,
-    /// It belongs to the largest set of more than the bound that all agree, and RANSAC keeps it.
+    /// It belongs to the largest set of agreeing correspondences, with more members than the bound, and
+    /// RANSAC keeps it.
     GrownSet,
-    /// Its score is among the greatest, as many as the set has members.
+    /// Its score is among the greatest; their number is that of the set's members.
     Greatest,
-    /// It votes in the fullest bin or in those around it, as many as the bound says.
+    /// It votes in the fullest bin or in its neighbours, of which the bound is the number.
     FullestBin,
-    /// It votes for the winning maximum, and RANSAC keeps it; bins are as wide as the bound.
+    /// It votes for the winning maximum, and RANSAC keeps it; the bound is the width of the bins.
     Maximum,
 }
 
@@ -50,20 +52,20 @@ impl Kind {
     }
 }
 
-/// When two correspondences keep their distance.
+/// Condition for two correspondences to agree in distance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Agreement {
     /// Bound on `|ds - dt|`, or on `min(ds/dt, dt/ds)`.
     pub bound: f64,
-    /// Which of the two.
+    /// Whether the bound is one on the ratio.
     pub is_ratio: bool,
-    /// Whether the bound itself is accepted.
+    /// Whether equality with the bound is accepted.
     pub accepts_equality: bool,
-    /// What `ds + dt` has to exceed.
+    /// Lower bound of `ds + dt`, exclusive.
     pub least_sum: Option<f64>,
-    /// What `ds` and `dt` each have to exceed.
+    /// Lower bound of `ds` and of `dt`, exclusive.
     pub least_each: Option<f64>,
-    /// Factor of the source's lengths.
+    /// Scale factor of the source's lengths.
     pub scale: f64,
 }
 
@@ -85,29 +87,30 @@ impl Agreement {
         Self { is_ratio: true, ..Self::difference(bound) }
     }
 
-    /// The same, where the bound itself is accepted.
+    /// Accepts equality with the bound.
     #[must_use]
     pub fn or_equal(self) -> Self {
         Self { accepts_equality: true, ..self }
     }
 }
 
-/// How a method decided, with what each correspondence was judged by.
+/// The rule of a selection, with the evidence for each correspondence.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Rule {
-    /// What decides.
+    /// The criterion.
     pub kind: Kind,
-    /// The bound of that kind.
+    /// The bound of the criterion.
     pub bound: Option<f64>,
-    /// Whether the bound itself is accepted.
+    /// Whether equality with the bound is accepted.
     pub accepts_equality: bool,
-    /// When two keep their distance, for methods that ask.
+    /// The condition of pairwise agreement, for methods that use one.
     pub agreement: Option<Agreement>,
-    /// The correspondence that decided on each: the nearest seed of a star, the first accepted one that it conflicts with.
+    /// The correspondence that decided on each: the nearest seed of a star, or the first accepted one in
+    /// conflict with it.
     pub decided_by: Option<Vec<Option<usize>>>,
-    /// How many accepted ones each conflicts with.
+    /// Number of accepted correspondences in conflict with each.
     pub conflicts: Option<Vec<usize>>,
-    /// Where each votes: in bins from the fullest one, or as a point.
+    /// Vote of each: in bins from the fullest one, or as a point.
     pub votes: Option<Vec<Option<[f64; 3]>>>,
 }
 
@@ -122,13 +125,13 @@ impl Rule {
         Self { bound: Some(bound), ..Self::new(kind) }
     }
 
-    /// The same, where the bound itself is accepted.
+    /// Accepts equality with the bound.
     #[must_use]
     pub fn or_equal(self) -> Self {
         Self { accepts_equality: true, ..self }
     }
 
-    /// The same, where two keep their distance by that rule.
+    /// Sets the condition of pairwise agreement.
     #[must_use]
     pub fn agreeing(self, agreement: Agreement) -> Self {
         Self { agreement: Some(agreement), ..self }

@@ -18,16 +18,16 @@ use crate::points::Points;
 use crate::selection::top_k::largest;
 use crate::simd::{self, DOUBLES};
 
-/// Most rounds of the last refinement.
+/// Most iterations of the last refinement.
 const ROUNDS: usize = 20;
 
-/// Poses whose residuals are looked at before all others'.
+/// Poses whose residuals are evaluated before those of all others.
 const FIRST: usize = 16;
 
 words! {
-    /// What the best pose has most of; r is a residual, and those of at least the tolerance t count nothing.
+    /// The score of a pose; r is a residual, and residuals of at least the tolerance t add nothing.
     pub enum Choice {
-        /// Inliers: residuals below the tolerance.
+        /// Number of inliers: residuals below the tolerance.
         Inliers = Value::Word("inliers"),
         /// The sum of `1 - r / t`.
         Mae = Value::Word("mae"),
@@ -36,7 +36,8 @@ words! {
     }
 }
 
-/// The poses that are found among some of the correspondences, or among all, between the centred points of all.
+/// Calls `find` on some of the correspondences, or on all, and returns poses between the centred points of
+/// all.
 ///
 /// # Errors
 /// Those of `find`; [`crate::Error::OutOfMemory`].
@@ -55,7 +56,7 @@ pub fn poses_among(
     Ok(poses)
 }
 
-/// The best of some poses between the centred points, the first of equal ones; `None` where none has an inlier.
+/// The best of some poses between the centred points, the first of equal ones; `None` if none has an inlier.
 ///
 /// # Errors
 /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
@@ -80,7 +81,8 @@ pub fn best_pose(
     Ok(best.map(|best| poses[best]))
 }
 
-/// The sums over residuals; 0 for poses with fewer inliers than another one's sum, as none adds more than 1.
+/// The sums over residuals; 0 for poses whose number of inliers, an upper bound of the sum, is below another
+/// pose's sum.
 fn scores_that_may_win(
     poses: &[Rigid],
     inliers: &[f64],
@@ -90,7 +92,7 @@ fn scores_that_may_win(
     choice: Choice,
     execution: &Execution,
 ) -> Result<Vec<f64>> {
-    // Bits of positive numbers are in the numbers' order.
+    // Positive numbers and their bits have the same order.
     let greatest = AtomicU64::new(0.0_f64.to_bits());
     let score = |&k: &usize| {
         execution.check()?;
@@ -101,7 +103,7 @@ fn scores_that_may_win(
         greatest.fetch_max(score.to_bits(), Ordering::Relaxed);
         Ok((k, score))
     };
-    // Those with the most first, so that most of the others can be left out.
+    // Poses with the most inliers first, so that most others can be skipped.
     let order = largest(inliers, poses.len())?;
     let first = order.len().min(FIRST);
     let mut scores = memory::filled(0.0, poses.len())?;
@@ -160,7 +162,7 @@ fn sum_of_shares(pose: &Rigid, source: &Points, target: &Points, tolerance: f64,
     )
 }
 
-/// `max(0, 1 - r / tolerance)` of one pair, for rows of a rotation and a translation.
+/// `max(0, 1 - r / tolerance)` of one pair, for the rows of a rotation and a translation.
 #[inline(always)]
 fn share(rows: &[[f64; 4]; 3], p: [f64; 3], q: [f64; 3], inverse: f64) -> f64 {
     let (a, b, c) = (offset(rows[0], p, q[0]), offset(rows[1], p, q[1]), offset(rows[2], p, q[2]));
@@ -168,13 +170,13 @@ fn share(rows: &[[f64; 4]; 3], p: [f64; 3], q: [f64; 3], inverse: f64) -> f64 {
     if share > 0.0 { share } else { 0.0 }
 }
 
-/// A coordinate of the moved point, less that of its partner.
+/// A coordinate of the moved point minus that of its match.
 #[inline(always)]
 fn offset(row: [f64; 4], p: [f64; 3], partner: f64) -> f64 {
     row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + row[3] - partner
 }
 
-/// The inliers of the pose after its last refinement, and the pose as their model; nothing without a pose.
+/// The inliers of the pose after its last refinement, with the pose as their model; empty without a pose.
 ///
 /// # Errors
 /// [`crate::Error::OutOfMemory`].
@@ -183,7 +185,7 @@ pub fn group_of(pose: Option<Rigid>, source: &Points, target: &Points, tolerance
     inliers_of(refined, source, target, tolerance)
 }
 
-/// The same of the pose as it is.
+/// As [`group_of`], without the refinement.
 ///
 /// # Errors
 /// [`crate::Error::OutOfMemory`].
@@ -200,7 +202,7 @@ mod tests {
     use super::*;
     use nalgebra::{Matrix3, Vector3};
 
-    /// Points on a line, of which the first `n` stay and the others go far away.
+    /// Collinear points, of which the first `n` stay and the others move far away.
     fn problem(n: usize) -> Result<(Points, Points)> {
         let source: Vec<[f64; 3]> = (0..40).map(|i| [f64::from(i), f64::from(i * i % 7), 0.0]).collect();
         let target: Vec<[f64; 3]> = source
@@ -211,7 +213,7 @@ mod tests {
         Ok((Points::from_rows("source", &source)?, Points::from_rows("target", &target)?))
     }
 
-    /// The pose that moves points of the data by x along the first axis.
+    /// The pose that translates points of the data by x along the first axis.
     fn shift(x: f64, source: &Points, target: &Points) -> Rigid {
         let translation = Vector3::new(x, 0.0, 0.0) + source.center() - target.center();
         Rigid { rotation: Matrix3::identity(), translation }

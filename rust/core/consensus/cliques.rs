@@ -1,7 +1,7 @@
-//! Poses from sets of correspondences that all keep their distance to each other.
+//! Poses from cliques of correspondences that agree in distance.
 //!
-//! From each of the pairs with the most common neighbours grows a clique, member by member; the least-squares
-//! motion of its members is a hypothesis.
+//! A clique grows, member by member, from each of the pairs with the most common neighbours. The
+//! least-squares motion of its members is a hypothesis.
 
 use rayon::prelude::*;
 
@@ -13,14 +13,15 @@ use crate::memory;
 use crate::points::Points;
 use crate::simd;
 
-/// Members that a clique grows to: more of them move the pose little.
+/// Most members of a clique: more change the pose little.
 const MOST_MEMBERS: usize = 12;
 
-/// Common neighbours of a pair that are looked at, those of the lowest indices: where there are more, most are right.
+/// Most common neighbours considered per pair, those of the lowest indices: if there are more, most are
+/// correct.
 const MOST_CANDIDATES: usize = 256;
 
-/// The motions of the cliques grown from the `most` heaviest edges, the heaviest first, each clique once.
-/// The indices of `source` and `target` are those of the graph.
+/// The motions of the cliques grown from the `most` heaviest edges, the heaviest first, without repeated
+/// cliques. The indices of `source` and `target` are those of the graph.
 ///
 /// # Errors
 /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
@@ -39,13 +40,13 @@ pub fn clique_poses(
     memory::collect(poses.into_iter().flatten())
 }
 
-/// Adds, to both ends of the edge, the common neighbour that is joined with the most others of them, and so on;
-/// ties to the lowest index. Ascending.
+/// Grows a clique from an edge: adds the common neighbour that is connected to the most others of them, until
+/// none is left; ties to the lowest index. Ascending.
 fn grow(graph: &AgreementGraph, edge: Edge) -> Result<Vec<u32>> {
     let among = graph.common_neighbors(edge.i as usize, edge.j as usize, MOST_CANDIDATES)?;
     let mut left = Candidates::new(&among)?;
     let mut members = vec![edge.i, edge.j];
-    // How many of those left each candidate is joined with, or was: it can only fall.
+    // Upper bound of each candidate's number of connected candidates: it can only fall.
     let mut candidates = memory::collect(among.iter().map(|&k| (k, u32::MAX)))?;
     while members.len() < MOST_MEMBERS
         && let Some(best) = left.most_joined(graph, &mut candidates)
@@ -58,14 +59,14 @@ fn grow(graph: &AgreementGraph, edge: Edge) -> Result<Vec<u32>> {
     Ok(members)
 }
 
-/// Vertices that are joined with all members, as bits of the words of a row that hold them.
+/// Vertices that are connected to all members, as bits of the words of a row that hold them.
 struct Candidates {
     first: usize,
     words: Vec<u64>,
 }
 
 impl Candidates {
-    /// Of ascending vertices.
+    /// Candidates from ascending vertices.
     fn new(vertices: &[u32]) -> Result<Self> {
         let place = |vertex: u32| (vertex / u64::BITS) as usize;
         let [first, last] = [vertices.first(), vertices.last()].map(|vertex| vertex.map_or(0, |&k| place(k)));
@@ -82,7 +83,8 @@ impl Candidates {
         self.words.iter_mut().zip(&row[self.first..]).for_each(|(word, row)| *word &= row);
     }
 
-    /// The first of the candidates that is joined with the most of them; a number beside each bounds with how many.
+    /// The first of the candidates that is connected to the most of them; the number beside each is an upper
+    /// bound.
     fn most_joined(&self, graph: &AgreementGraph, candidates: &mut [(u32, u32)]) -> Option<u32> {
         let mut best: Option<(u32, u32)> = None;
         simd::run(
@@ -108,7 +110,7 @@ impl Candidates {
     }
 }
 
-/// Each clique once, in the order in which they come first.
+/// The distinct cliques, in the order of their first occurrence.
 fn distinct(cliques: &[Vec<u32>]) -> Result<Vec<&[u32]>> {
     let mut seen = memory::set(cliques.len())?;
     memory::collect(cliques.iter().map(Vec::as_slice).filter(|clique| seen.insert(*clique)))
@@ -118,7 +120,7 @@ fn distinct(cliques: &[Vec<u32>]) -> Result<Vec<&[u32]>> {
 mod tests {
     use super::*;
 
-    /// Twenty points moved rigidly, among others that were not.
+    /// Twenty points moved rigidly, among others moved randomly.
     fn problem() -> Result<(Points, Points)> {
         let place = |i: usize, k: f64| [1.1, 2.3, 3.7].map(|f| 50.0 * (i as f64 * f * k + k).sin());
         let source: Vec<[f64; 3]> = (0..90).map(|i| place(i, 1.0)).collect();

@@ -1,7 +1,9 @@
-//! Colouring so that no two joined vertices have the same colour: no clique has more members than there are colours.
+//! Vertex colouring: connected vertices have different colours, so no clique has more members than there are
+//! colours.
 //!
-//! Greedily, class after class: the first vertex that is left, the first one after it that isn't joined with it, and so
-//! on (San Segundo et al., *An exact bit-parallel algorithm for the maximum clique problem*, 2011).
+//! Greedy, class after class: the first remaining vertex, then the first one after it that is not connected
+//! to it, and so on (San Segundo et al., *An exact bit-parallel algorithm for the maximum clique problem*,
+//! 2011).
 
 use crate::compatibility::graph::AgreementGraph;
 use crate::error::Result;
@@ -12,8 +14,8 @@ use crate::simd;
 /// A vertex, and the number of its colour, from 1 on.
 pub type Colored = (u32, u32);
 
-/// Colours the vertices that are bits of `left`, which is emptied; writes those whose colour is above `least`, by
-/// colour, and returns the number of colours. `class` is as long as `left`, and of any content.
+/// Colours the vertices that are bits of `left`, and clears `left`; writes those whose colour is above
+/// `least`, by colour, and returns the number of colours. `class` is working space as long as `left`.
 ///
 /// # Errors
 /// [`crate::Error::OutOfMemory`].
@@ -60,7 +62,7 @@ fn clear_joined(class: &mut [u64], row: &[u64]) {
     );
 }
 
-/// Colours that a graph takes, its vertices in their order.
+/// Number of colours of a graph, its vertices in their order.
 ///
 /// # Errors
 /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
@@ -71,7 +73,7 @@ pub fn count_colors(graph: &AgreementGraph, execution: &Execution) -> Result<u32
     color(graph, &mut left, &mut class, u32::MAX, &mut Vec::new())
 }
 
-/// One bit for each of so many vertices.
+/// Bit set of `len` vertices, all set.
 ///
 /// # Errors
 /// [`crate::Error::OutOfMemory`].
@@ -103,7 +105,7 @@ mod tests {
             for (a, b) in colored.iter().flat_map(|a| colored.iter().map(move |b| (a, b))) {
                 assert!(a.1 != b.1 || !graph.joined(a.0 as usize, b.0 as usize));
             }
-            // Each is joined with one of every colour before its own.
+            // Each vertex is connected to one of every colour before its own.
             for &(vertex, color) in &colored {
                 let joined = |k: u32| {
                     colored.iter().any(|&(v, c)| c == k && graph.joined(v as usize, vertex as usize))

@@ -1,8 +1,9 @@
-//! Core numbers: how densely each correspondence is joined with others that are joined as densely.
+//! Core numbers: how densely each correspondence is connected to others that are connected as densely.
 //!
-//! The k-core is what is left once all with fewer than k neighbours are taken out, again and again; the core number of
-//! a vertex is the greatest k whose core it is in (Seidman, 1983). A clique of m members lies in the (m - 1)-core, so
-//! that no clique has more members than the greatest core number plus one.
+//! The k-core is the graph that remains after all vertices with fewer than k neighbours are removed
+//! repeatedly; the core number of a vertex is the greatest k whose core contains it (Seidman, 1983). A clique
+//! of m members lies in the (m - 1)-core, so no clique has more members than the greatest core number plus
+//! one.
 
 use rayon::prelude::*;
 
@@ -11,17 +12,18 @@ use crate::error::Result;
 use crate::execution::Execution;
 use crate::memory;
 
-/// Core numbers of a graph's vertices, and the order in which they were taken out.
+/// Core numbers of a graph's vertices, and the order of their removal.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Cores {
     /// The core number of each vertex.
     pub numbers: Vec<u32>,
-    /// In rounds: all whose degree is at most the level, by index; the level rises once there are none.
+    /// By round: all vertices whose degree is at most the level, by index; the level rises when there are
+    /// none.
     pub order: Vec<u32>,
 }
 
 impl Cores {
-    /// Takes out the vertices of the graph level by level. Cost: each edge twice.
+    /// Removes the vertices of the graph level by level. Cost: each edge twice.
     ///
     /// # Errors
     /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
@@ -39,12 +41,12 @@ impl Cores {
         Ok(Self { numbers: peeling.numbers, order: peeling.order })
     }
 
-    /// The greatest core number, 0 of an empty graph.
+    /// The greatest core number; 0 for an empty graph.
     pub fn greatest(&self) -> u32 {
         self.numbers.iter().copied().max().unwrap_or_default()
     }
 
-    /// The vertices of at least that core number, the last taken out first.
+    /// The vertices with at least that core number, in reverse order of removal.
     ///
     /// # Errors
     /// [`crate::Error::OutOfMemory`].
@@ -54,10 +56,10 @@ impl Cores {
     }
 }
 
-/// What is left of a graph.
+/// The remaining part of a graph.
 struct Peeling<'a> {
     graph: &'a AgreementGraph,
-    /// Neighbours among those left.
+    /// Number of remaining neighbours.
     degrees: Vec<u32>,
     left: Vec<u64>,
     numbers: Vec<u32>,
@@ -80,7 +82,7 @@ impl<'a> Peeling<'a> {
         self.left[vertex as usize / 64] >> (vertex % 64) & 1 == 1
     }
 
-    /// Takes out some; whose degree falls to the level thereby is next.
+    /// Removes a round of vertices; returns those whose degree thereby falls to the level.
     fn take_out(&mut self, round: &[u32], level: u32, execution: &Execution) -> Result<Vec<u32>> {
         let mut next = Vec::new();
         for &vertex in round {
@@ -107,7 +109,7 @@ pub(super) mod tests {
     use super::*;
     use crate::points::Points;
 
-    /// A graph of points in the plane some of which have moved.
+    /// A graph of points in the plane, some of which have moved.
     pub fn graph(n: usize, tolerance: f64) -> Result<AgreementGraph> {
         let place = |i: usize, k: f64| [(i as f64 * k).sin(), (i as f64 * 1.7 * k).cos(), (i as f64).cos()];
         let rows = |k: f64| (0..n).map(|i| place(i, k)).collect::<Vec<_>>();

@@ -1,9 +1,9 @@
 //! Counter-based random numbers: Philox4x64-10 (Salmon, Moraes, Dror, Shaw, *Parallel random
 //! numbers: as easy as 1, 2, 3*, SC 2011).
 //!
-//! The numbers of an iteration depend on (seed, iteration) alone, so results do not depend on how
-//! the iterations are spread over threads. They are the words of `NumPy`'s
-//! `Philox(key=seed, counter=iteration).random_raw(4)`.
+//! The numbers of an iteration depend on (seed, iteration) alone, so results do not depend on how the
+//! iterations are distributed over threads. They are the words of `NumPy`'s `Philox(key=seed,
+//! counter=iteration).random_raw(4)`.
 
 const MULTIPLIERS: [u64; 2] = [0xD2E7_470E_E14C_6C93, 0xCA5A_8263_9512_1157];
 const KEY_INCREMENTS: [u64; 2] = [0x9E37_79B9_7F4A_7C15, 0xBB67_AE85_84CA_A73B];
@@ -12,7 +12,7 @@ const ROUNDS: usize = 10;
 /// Four random words for `counter` under `key`.
 pub fn random_words(key: u64, counter: u64) -> [u64; 4] {
     let mut key = [key, 0];
-    // `NumPy` increments its 256-bit counter before it makes the first block.
+    // `NumPy` increments its 256-bit counter before it generates the first block.
     let (low, carry) = counter.overflowing_add(1);
     let mut state = [low, u64::from(carry), 0, 0];
     for round in 0..ROUNDS {

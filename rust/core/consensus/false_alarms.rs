@@ -1,38 +1,40 @@
-//! Number of false alarms: how many poses would have as much support by chance alone.
+//! Number of false alarms: the expected number of poses with as much support by chance alone.
 //!
-//! Three matches make a pose, and every three of n could; the others support it by chance, independently of each
-//! other, about `chance` of them. So `n^3 / 6 P(Poisson(chance) >= k - 3)` poses with k supporters are to be expected where
-//! no match is right (Moisan, Moulon, Monasse: Automatic homographic registration of a pair of images, with a
-//! contrario elimination of outliers, IPOL 2012, for a pose of three matches).
+//! Three matches determine a pose, and any three of n can do so. The other matches support it by chance and
+//! independently, about `chance` of them. If no match is correct, the expected number of poses with k
+//! supporters is therefore `n^3 / 6 P(Poisson(chance) >= k - 3)` (Moisan, Moulon, Monasse: Automatic
+//! homographic registration of a pair of images, with a contrario elimination of outliers, IPOL 2012, for a
+//! pose of three matches).
 
 use crate::error::Result;
 use crate::memory;
 use crate::points::Points;
 
-/// More supporters make no difference.
+/// Further supporters make no difference.
 const ENOUGH: usize = 200;
 
-/// Squared residuals are compared in units of this share of `apart` squared: where all fit exactly, rounding says nothing.
+/// Squared residuals are compared in units of this share of `apart` squared: if all fit exactly, rounding
+/// would decide.
 const TIE: f64 = 1e-12;
 
-/// Numbers of false alarms that differ by less than this share are equal: equal counts give them, and rounding must not
-/// decide between them.
+/// Relative tolerance for equal numbers of false alarms: equal counts give equal numbers up to rounding,
+/// which must not decide between them.
 pub const EQUAL: f64 = 1e-9;
 
-/// Matches that fix a pose.
+/// Matches that determine a pose.
 const MINIMAL: usize = 3;
 
-/// Supporters that speak for a pose each on its own.
+/// Supporters of a pose that are independent of each other.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Independent {
-    /// How many there are.
+    /// Their number.
     pub count: usize,
-    /// The share that they are of the supporters that were looked at.
+    /// Their share of the supporters examined.
     pub share: f64,
 }
 
-/// Takes supporters by their residuals, the least first, and of those that lie within `apart` of each other on either
-/// side only the first: wrong matches of neighbouring points often go wrong together.
+/// Visits supporters by ascending residual, and keeps only the first of those within `apart` of each other on
+/// either side: wrong matches of neighbouring points are often wrong together.
 ///
 /// # Errors
 /// [`crate::Error::OutOfMemory`].
@@ -61,21 +63,22 @@ pub fn independent(
     Ok(Independent { count: kept.len(), share: kept.len() as f64 / f64::from(seen.max(1)) })
 }
 
-/// Number of false alarms of a pose with `supporters` of `n` matches, of which `chance` are to be expected.
+/// Number of false alarms of a pose with `supporters` of `n` matches, of which `chance` are expected.
 pub fn false_alarms(n: usize, supporters: usize, chance: f64) -> f64 {
     let (logarithm, sum) = poisson_tail(supporters.saturating_sub(MINIMAL), chance);
     (n as f64).powi(3) / 6.0 * (logarithm.exp() * sum)
 }
 
-/// The same within a radius that is small against the distances between the matches. Two matches fix a pose up to the angle
-/// about their line, and the third lies on a ring, about as probably as others lie near their places. So every two of n
-/// could make a pose, and `n^2 P(Poisson(chance) >= k - 2)` poses with k supporters are to be expected.
+/// As [`false_alarms`], within a radius that is small against the distances between the matches. Two matches
+/// determine a pose up to the rotation about their line. The third match then lies on a ring, about as
+/// probably as others lie near their places. Any two of n can thus determine a pose: the expected number of
+/// poses with k supporters is `n^2 P(Poisson(chance) >= k - 2)`.
 pub fn precise_false_alarms(n: usize, supporters: usize, chance: f64) -> f64 {
     let (logarithm, sum) = poisson_tail(supporters.saturating_sub(MINIMAL - 1), chance);
     (n as f64).powi(2) * (logarithm.exp() * sum)
 }
 
-/// The logarithm of [`false_alarms`], which tells poses apart whose number is too small for a float.
+/// The logarithm of [`false_alarms`], which distinguishes poses whose number is too small for a float.
 pub fn ln_false_alarms(n: usize, supporters: usize, chance: f64) -> f64 {
     let (logarithm, sum) = poisson_tail(supporters.saturating_sub(MINIMAL), chance);
     3.0 * (n as f64).ln() - 6.0_f64.ln() + logarithm + sum.ln()
@@ -86,7 +89,7 @@ pub fn is_fewer(one: f64, other: f64) -> bool {
     one < (1.0 - EQUAL) * other
 }
 
-/// `P(Poisson(mean) >= least)`, or 1 where the mean is no less: a factor's logarithm, and the other factor.
+/// `P(Poisson(mean) >= least)`, or 1 if the mean is no less: a factor's logarithm, and the other factor.
 fn poisson_tail(least: usize, mean: f64) -> (f64, f64) {
     if least as f64 <= mean {
         return (0.0, 1.0);

@@ -1,9 +1,9 @@
-//! How many correspondences a rigid transform carries to within a tolerance of their targets.
+//! Number of correspondences that a rigid transform maps to within a tolerance of their targets.
 //!
-//! Correspondences are sorted into leaves of neighbours, near each other in both shapes. A leaf whose
-//! centre is carried too far off holds no inlier, so most are never looked into; and a transform is given
-//! up once those that are left can't make it win. Residuals are decided in f32 wherever rounding can't
-//! change the answer, else in f64: the count is exact.
+//! Correspondences are sorted into leaves of neighbours, near each other in both shapes. A leaf whose centre
+//! has too large a residual holds no inlier, so most leaves are never opened. A transform is abandoned once
+//! the remaining leaves cannot make it win. Residuals are decided in f32 if rounding cannot change the
+//! result, else in f64: the count is exact.
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 
@@ -15,11 +15,12 @@ use crate::memory;
 use crate::points::{Points, unit_scale};
 use crate::simd::{self, Kernel, Lanes, SINGLES};
 
-/// More than f32 can be off in a residual. Both sides are scaled to diagonals below sqrt(2), so no point is
-/// farther than that from its centre, and no translation of a fit to them longer than twice that. With
-/// u = 2^-24, a coordinate of `t - p'` is off by u (2.83 + 1.41 + 4.24), the three products and sums of at most 5.66
-/// by 3 (5.66 + 1.41) u at most, the rounded rotation and p by 1.41 u each: 33 u in all, or 57 u in space. The
-/// square's own rounding adds less than 2 u of 5.66. Together 69 u = 4.1e-6, of which this is twice as much.
+/// Bound of the error of a residual in f32. Both sides are scaled to diagonals below sqrt(2), so no point is
+/// farther than that from its centre, and no translation of a fit is longer than twice that. With u = 2^-24,
+/// a coordinate of `t - p'` has an error of u (2.83 + 1.41 + 4.24); the three products and sums of at most
+/// 5.66 add at most 3 (5.66 + 1.41) u; the rounded rotation and p add 1.41 u each: 33 u in all, or 57 u in
+/// space. The rounding of the square adds less than 2 u of 5.66. The total is 69 u = 4.1e-6, of which this is
+/// twice as much.
 const ROUNDING: f64 = 1e-5;
 
 /// No scaled residual reaches this: p and p' are within 1.42 of the centres, the translation is 2.83 at most.
@@ -28,7 +29,7 @@ const BEYOND_ALL: f64 = 8.0;
 /// Source x, y, z, then target x, y, z.
 type Axes<T> = [T; 6];
 
-/// Correspondences sorted for counting.
+/// Correspondences sorted for counting inliers.
 #[derive(Debug)]
 pub struct InlierCounter<'a> {
     source: &'a Points,
@@ -38,19 +39,19 @@ pub struct InlierCounter<'a> {
     scale: f64,
     /// Index of each member.
     order: Vec<usize>,
-    /// Leaf after leaf of [`SINGLES`] members; filled up with NaN, which is no inlier.
+    /// Members by leaf, [`SINGLES`] each; padded with NaN, which is never an inlier.
     members: Axes<Vec<f32>>,
     centers: Axes<Vec<f32>>,
-    /// Square of the residual beyond which a centre's leaf holds no inlier.
+    /// Squared residual of each leaf's centre beyond which the leaf holds no inlier.
     squared_reach: Vec<f32>,
-    /// Squared residuals up to this are inliers for sure.
+    /// Squared residuals up to this are certainly inliers.
     squared_sure: f32,
-    /// Squared residuals beyond this are none for sure.
+    /// Squared residuals beyond this are certainly outliers.
     squared_possible: f32,
 }
 
 impl<'a> InlierCounter<'a> {
-    /// Sorts the correspondences; an inlier's residual is below the tolerance, a length in the data's unit.
+    /// Sorts the correspondences; an inlier has a residual below the tolerance, a length in the data's unit.
     ///
     /// # Errors
     /// [`crate::Error::OutOfMemory`].
@@ -120,7 +121,7 @@ impl<'a> InlierCounter<'a> {
         Ok(simd::run(CountInliers { counter: self, model, rows, least, near }))
     }
 
-    /// Those of some members of a leaf that are inliers, decided in f64.
+    /// Selects the inliers among some members of a leaf, in f64.
     #[cold]
     fn settle(&self, model: &Rigid, leaf: usize, members: u16) -> u16 {
         let unsure = (0..SINGLES).filter(|member| members >> member & 1 == 1);
@@ -137,7 +138,8 @@ pub fn is_inlier(model: &Rigid, source: &Points, target: &Points, i: usize, tole
     (model.apply(&source.get(i)) - target.get(i)).norm_squared() < tolerance * tolerance
 }
 
-/// Sorts indices so that every [`SINGLES`] of them, in turn, are near each other: halves along the longest axis.
+/// Sorts indices so that each run of [`SINGLES`] lies close together: splits in halves along the longest
+/// axis.
 fn sort_into_leaves(indices: &mut [usize], axes: Axes<&[f64]>) {
     let leaves = indices.len().div_ceil(SINGLES);
     if leaves < 2 {
@@ -165,7 +167,7 @@ fn square(value: f64) -> f64 {
     value * value
 }
 
-/// The values, and as many NaN as make whole groups.
+/// The values, padded with NaN to whole groups.
 fn filled_up(values: impl ExactSizeIterator<Item = f32>) -> Result<Vec<f32>> {
     let whole_groups = values.len().next_multiple_of(SINGLES);
     let mut filled = memory::with_capacity(whole_groups)?;
@@ -174,7 +176,7 @@ fn filled_up(values: impl ExactSizeIterator<Item = f32>) -> Result<Vec<f32>> {
     Ok(filled)
 }
 
-/// Counts the inliers of a transform, given once in f64 and once by rows in f32.
+/// Counts the inliers of a transform, given in f64 and by rows in f32.
 struct CountInliers<'a> {
     counter: &'a InlierCounter<'a>,
     model: &'a Rigid,

@@ -1,4 +1,4 @@
-//! Share of the source points that a pose lays near the target of any match.
+//! Share of the source points that a pose moves near the target of any match.
 
 use rayon::prelude::*;
 
@@ -9,20 +9,20 @@ use crate::geometry::rigid::Rigid;
 use crate::memory;
 use crate::points::Points;
 
-/// Source points that are looked at, evenly spread over the input.
+/// Source points sampled, evenly spread over the input.
 const SAMPLES: usize = 1_000;
 
-/// Where the source points come to lie.
+/// Positions of the moved source points relative to the targets.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Landing {
-    /// Share of them that come near any target.
+    /// Share of them near any target.
     pub coverage: f64,
-    /// Targets near each, in the mean: of matches that end at random on the targets' places, so many would support
-    /// the pose.
+    /// Mean number of targets near each: if matches ended at random on the targets' places, this many would
+    /// support the pose.
     pub chance: f64,
 }
 
-/// How the poses lay the source points within `radius` of targets.
+/// Measures, for each pose, how the moved source points lie within `radius` of targets.
 ///
 /// # Errors
 /// [`crate::Error::InvalidInput`] unless the radius is positive; [`crate::Error::Interrupted`],

@@ -1,16 +1,16 @@
-//! The largest set of correspondences that are all joined with each other.
+//! The largest set of correspondences that are all connected to each other.
 //!
-//! Exact branch and bound on rows of bits: Tomita, Seki, *An efficient branch-and-bound algorithm for finding a maximum
-//! clique* (DMTCS 2003), in the bit-parallel form of San Segundo et al. (2011).
+//! Exact branch and bound on rows of bits: Tomita, Seki, *An efficient branch-and-bound algorithm for finding
+//! a maximum clique* (DMTCS 2003), in the bit-parallel form of San Segundo et al. (2011).
 //!
-//! 1. Vertices are taken out level by level, which gives core numbers and an order. The first clique is greedy: from the
-//!    last vertex taken out to the first, each that is joined with all before it.
-//! 2. Where it has the greatest core number plus one members, none is larger. Else what may be in a larger one is kept:
-//!    vertices of a core number of at least its size, the last taken out first.
-//! 3. For each of them, a greedy clique of it and those before it, if that is larger.
-//! 4. For each of them, those before it that it is joined with are searched: they are coloured, and no clique has more
-//!    members than there are colours. From the last colour on, each in turn is fixed, and those joined with it are
-//!    searched in the same way.
+//! 1. Vertices are removed level by level, which gives core numbers and an order. The first clique is greedy:
+//!    from the last vertex removed to the first, each that is connected to all before it.
+//! 2. If its size is the greatest core number plus one, no clique is larger. Else vertices that may be in a
+//!    larger one are kept: those with a core number of at least its size, in reverse order of removal.
+//! 3. For each of them, a greedy clique of it and those before it replaces the first if it is larger.
+//! 4. For each of them, the connected ones before it are searched: they are coloured, and no clique has more
+//!    members than there are colours. From the last colour on, each in turn is fixed, and those connected to
+//!    it are searched in the same way.
 
 use super::coloring::{Colored, all, color};
 use super::cores::Cores;
@@ -19,24 +19,23 @@ use crate::error::Result;
 use crate::execution::Execution;
 use crate::memory;
 
-/// What a search has found.
+/// Result of a search.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Found {
     /// Members, ascending.
     pub clique: Vec<u32>,
-    /// Whether the search came to its end, so that no clique is larger.
+    /// Whether the search is complete, so that no clique is larger.
     pub complete: bool,
-    /// Vertices that were coloured.
+    /// Number of vertices coloured.
     pub steps: usize,
 }
 
-/// The largest clique, or the largest found by the time that `most_steps` vertices are coloured; the first found of
+/// The largest clique, or the largest found before `most_steps` vertices are coloured; the first found of
 /// several.
 ///
 /// # Errors
-/// [`crate::Error::InvalidInput`] where the graph of what may be in a larger clique does not fit
-/// `execution.max_memory`; [`crate::Error::Interrupted`],
-/// [`crate::Error::OutOfMemory`].
+/// [`Error::InvalidInput`] if the graph of vertices that may be in a larger clique does not fit
+/// `execution.max_memory`; [`Error::Interrupted`], [`Error::OutOfMemory`].
 pub fn maximum_clique(
     graph: &AgreementGraph,
     cores: &Cores,
@@ -59,7 +58,7 @@ pub fn maximum_clique(
     Ok(Found { clique: ascending(if best.is_empty() { first } else { best }), complete, steps })
 }
 
-/// Of the vertices in their order, each that is joined with all taken before it.
+/// Greedy clique: each vertex, in the given order, that is connected to all selected before it.
 ///
 /// # Errors
 /// [`crate::Error::OutOfMemory`].
@@ -88,7 +87,7 @@ fn count(bits: &[u64]) -> usize {
     bits.iter().map(|word| word.count_ones() as usize).sum()
 }
 
-/// The neighbours of a vertex that come before it.
+/// The neighbours of a vertex with lower indices.
 fn before(graph: &AgreementGraph, vertex: usize) -> Result<Vec<u64>> {
     let mut bits = memory::copied(&graph.row(vertex)[..=vertex / 64])?;
     bits[vertex / 64] &= (1 << (vertex % 64)) - 1;
@@ -100,13 +99,13 @@ struct Search<'a> {
     execution: &'a Execution,
     most_steps: usize,
     steps: usize,
-    /// The largest clique found here, if it is larger than the first one.
+    /// The largest clique found, if it is larger than the first one.
     best: Vec<u32>,
-    /// Members of the largest clique known.
+    /// Size of the largest known clique.
     size: usize,
 }
 
-/// Candidates joined with all members so far, and those left to branch on, by colour.
+/// Candidates connected to all members so far, and those left to branch on, by colour.
 struct Branch {
     candidates: Vec<u64>,
     colored: Vec<Colored>,
@@ -138,7 +137,7 @@ impl Search<'_> {
         }
     }
 
-    /// Whether the search came to its end.
+    /// Branches on each candidate; returns whether the search is complete.
     fn branch_on_each(&mut self) -> Result<bool> {
         for vertex in 0..self.graph.len() {
             let candidates = before(self.graph, vertex)?;
@@ -178,7 +177,7 @@ impl Search<'_> {
         Ok(())
     }
 
-    /// What there is to branch on among the candidates; nothing where they are a clique themselves.
+    /// The branch of the candidates; `None` if they are a clique themselves.
     fn open(&mut self, members: &[u32], candidates: Vec<u64>) -> Result<Option<Branch>> {
         self.execution.check()?;
         let population = count(&candidates);
@@ -204,7 +203,7 @@ mod tests {
     use super::super::cores::tests::graph;
     use super::*;
 
-    /// Size of the largest clique that extends one, plainly.
+    /// Size of the largest clique that extends one, by plain recursion.
     fn largest(graph: &AgreementGraph, members: usize, candidates: &[usize]) -> usize {
         let with = |(k, &i): (usize, &usize)| {
             let joined: Vec<usize> =

@@ -1,4 +1,4 @@
-//! Hypotheses of a rigid motion from samples, and how many correspondences agree with each.
+//! Hypotheses of a rigid motion from samples, and their support among correspondences.
 
 pub mod choice;
 pub mod cliques;

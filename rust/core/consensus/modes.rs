@@ -1,4 +1,4 @@
-//! Modes of the likelihood: the best poses, each scored without the matches that better poses explain.
+//! Modes of the likelihood: the best poses, each scored without the matches explained by better poses.
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
@@ -14,28 +14,28 @@ use crate::memory;
 use crate::points::Points;
 use crate::selection::top_k::largest;
 
-/// Rounds of refinement before a mode's supporters are taken out.
+/// Iterations of refinement before a mode's supporters are removed.
 const FIRST_ROUNDS: usize = 4;
 
-/// Rounds of the last refinement.
+/// Iterations of the last refinement.
 const LAST_ROUNDS: usize = 10;
 
-/// The multiple of the deviation that annealing starts from.
+/// Initial deviation of annealing, as a multiple of the deviation.
 const ANNEALED_FROM: f64 = 1.6;
 
-/// Fewer supporters make no mode.
+/// Fewest supporters of a mode.
 const LEAST_SUPPORTERS: usize = 3;
 
-/// A pose, and what supports it.
+/// A pose with its support.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mode {
     /// Between the centred points.
     pub pose: Rigid,
-    /// Among all correspondences.
+    /// Support among all correspondences.
     pub support: Support,
 }
 
-/// A hypothesis with the score that it had when `round` modes had been taken out.
+/// A hypothesis with its score after `round` modes were removed.
 #[derive(Debug, Clone, PartialEq, Default)]
 struct Candidate {
     score: f64,
@@ -58,8 +58,8 @@ impl PartialOrd for Candidate {
     }
 }
 
-/// At most `most` modes among the hypotheses and what refinement makes of them, the best first; no two of them
-/// lay the source points within `tolerance` of each other (root mean square).
+/// At most `most` modes from the hypotheses and their refinements, the best first; any two of them displace
+/// the source points by at least `tolerance` from each other (root mean square).
 ///
 /// # Errors
 /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
@@ -84,7 +84,7 @@ pub fn find_modes(
     distinct(order.into_iter().map(|k| modes[k]), source, tolerance)
 }
 
-/// The deviations of so many rounds of refinement, from a multiple of the deviation down to it.
+/// The deviations of `rounds` iterations of refinement, from a multiple of the deviation down to it.
 pub fn annealed(deviation: f64, rounds: usize) -> impl Iterator<Item = f64> {
     (0..rounds).map(move |round| {
         let progress = round as f64 / (rounds - 1) as f64;
@@ -92,8 +92,8 @@ pub fn annealed(deviation: f64, rounds: usize) -> impl Iterator<Item = f64> {
     })
 }
 
-/// Takes the best hypothesis, refines it, takes its supporters out, and so on. Scores are brought up to date
-/// where it matters: they can only fall.
+/// Selects and refines the best hypothesis, removes its supporters, and repeats. Scores are updated only when
+/// needed: they can only fall.
 fn peel(
     likelihood: &Likelihood,
     hypotheses: &[Rigid],
@@ -115,7 +115,7 @@ fn peel(
         let pose = &hypotheses[best.index];
         if best.round < round {
             let score = left.support(pose).score;
-            candidates.push(Candidate { score, round, ..best }); // where the best one was
+            candidates.push(Candidate { score, round, ..best }); // takes the place of the best one
             continue;
         }
         if best.score <= 0.0 {
@@ -131,7 +131,7 @@ fn peel(
     Ok(modes)
 }
 
-/// Without those that differ from a better one by less than the tolerance.
+/// Removes modes that differ from a better one by less than the tolerance.
 fn distinct(modes: impl Iterator<Item = Mode>, source: &Points, tolerance: f64) -> Result<Vec<Mode>> {
     let scatter = scatter(source);
     let mut kept: Vec<Mode> = Vec::new();
@@ -144,7 +144,7 @@ fn distinct(modes: impl Iterator<Item = Mode>, source: &Points, tolerance: f64) 
     Ok(kept)
 }
 
-/// Root mean square over the points of the distance between where two poses lay them.
+/// Root mean square displacement between the points moved by two poses.
 pub fn displacement(a: &Rigid, b: &Rigid, source: &Points) -> f64 {
     mean_square(a, b, &scatter(source)).sqrt()
 }
@@ -159,7 +159,7 @@ fn scatter(points: &Points) -> Matrix3<f64> {
     sum / points.len().max(1) as f64
 }
 
-/// Mean over the centred points of the squared distance between where two poses lay them.
+/// Mean squared displacement between the centred points moved by two poses.
 fn mean_square(a: &Rigid, b: &Rigid, scatter: &Matrix3<f64>) -> f64 {
     let turned = a.rotation - b.rotation;
     (turned * scatter * turned.transpose()).trace() + (a.translation - b.translation).norm_squared()
@@ -171,7 +171,7 @@ mod tests {
     use crate::consensus::likelihood::levels::levels;
     use crate::geometry::rigid::fit_rigid;
 
-    /// Points of which the first 40 stay, the next 25 move, and the rest go anywhere.
+    /// Points of which the first 40 stay, the next 25 move together, and the rest move randomly.
     fn problem() -> Result<(Points, Points)> {
         let place = |i: usize, k: f64| [1.1, 2.3, 3.7].map(|f| 100.0 * (i as f64 * f * k + k).sin());
         let source: Vec<[f64; 3]> = (0..200).map(|i| place(i, 1.0)).collect();

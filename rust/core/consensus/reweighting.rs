@@ -1,5 +1,5 @@
-//! The last refinement of the modern methods: least squares over the inliers, the nearer the heavier, until their
-//! number stays.
+//! Final refinement of the modern methods: iteratively reweighted least squares over the inliers, until their
+//! number is constant.
 //!
 //! Chen et al., SC2-PCR, CVPR 2022, whose published code MAC and `TurboReg` share.
 
@@ -8,9 +8,9 @@ use crate::geometry::rigid::{Rigid, fit_weighted, fixes_rotation};
 use crate::memory;
 use crate::points::Points;
 
-/// The pose after at most `rounds` rounds: of the correspondences with a residual r below the tolerance, each with the
-/// weight `1 / (1 + (r / tolerance)^2)`, the least-squares motion. Ends where their number is that of the round before,
-/// or where they leave a rotation open.
+/// Refines the pose by at most `rounds` iterations of weighted least squares over the correspondences with a
+/// residual r below the tolerance, with the weight `1 / (1 + (r / tolerance)^2)`. Ends if their number does
+/// not change, or if they do not determine the rotation.
 ///
 /// # Errors
 /// [`crate::Error::OutOfMemory`].
@@ -49,7 +49,7 @@ mod tests {
     use crate::Result;
     use crate::geometry::rigid::fit_rigid;
 
-    /// Points of which the first 30 move by (1, 2, 3) and some noise, and the rest anywhere.
+    /// Points of which the first 30 move by (1, 2, 3) with some noise, and the rest move randomly.
     fn problem() -> Result<(Points, Points)> {
         let place = |i: usize, k: f64| [1.1, 2.3, 3.7].map(|f| 10.0 * (i as f64 * f * k + k).sin());
         let source: Vec<[f64; 3]> = (0..60).map(|i| place(i, 1.0)).collect();

@@ -1,4 +1,5 @@
-//! Sample consensus: many rigid hypotheses from three correspondences each, the best supported wins.
+//! Sample consensus: draws rigid hypotheses from three correspondences each, and selects the one with the
+//! most inliers.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -14,25 +15,25 @@ use crate::geometry::rigid::{Rigid, fit_triangle};
 use crate::memory;
 use crate::points::Points;
 
-/// Hypotheses of one task, and after which the early stop is looked at.
+/// Hypotheses per task, and between two checks of the early stop.
 const ITERATIONS_PER_TASK: usize = 256;
 
-/// A triangle's edge below this share of the bounding box's diagonal, or twice its area below this
-/// share of the diagonal's square, leaves the rotation open.
+/// A sample is degenerate, and does not determine the rotation, if an edge of its triangle is below this
+/// share of the bounding box's diagonal, or twice its area is below this share of the diagonal's square.
 const DEGENERATE: f64 = 1e-9;
 
-/// How hypotheses are drawn and judged.
+/// Parameters of sample consensus.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SampleConsensus {
     /// Number of hypotheses.
     pub iterations: usize,
     /// An inlier's residual is less than this length.
     pub tolerance: f64,
-    /// Key of the random numbers.
+    /// Seed of the random numbers.
     pub seed: u64,
-    /// Hypotheses with an edge whose distance ratio is lower are not judged at all.
+    /// Hypotheses with an edge of a lower distance ratio are skipped.
     pub edge_ratio: Option<f64>,
-    /// Stop once a better hypothesis has been missed with at most one minus this probability.
+    /// Stop once the probability of having missed a better hypothesis is at most one minus this.
     pub confidence: Option<f64>,
 }
 
@@ -41,16 +42,16 @@ pub struct SampleConsensus {
 pub struct Consensus {
     /// The transform between the centred points.
     pub model: Rigid,
-    /// Number of correspondences it carries to within the tolerance.
+    /// Number of inliers.
     pub inliers: usize,
     /// The iteration that drew it.
     pub iteration: usize,
-    /// Iterations spent in all.
+    /// Number of iterations run.
     pub iterations: usize,
 }
 
 impl SampleConsensus {
-    /// The hypothesis with the most inliers, ties to the earliest; `None` if there is none with any.
+    /// The hypothesis with the most inliers, ties to the earliest; `None` if none has an inlier.
     ///
     /// # Errors
     /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
@@ -84,7 +85,7 @@ impl SampleConsensus {
         Ok(best.map(|found| Consensus { iterations: spent, ..found }))
     }
 
-    /// Those of `members` that agree with the best hypothesis drawn from them.
+    /// The inliers, among `members`, of the best hypothesis drawn from them.
     ///
     /// # Errors
     /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
@@ -103,7 +104,7 @@ impl SampleConsensus {
         memory::collect(members.iter().zip(inliers).filter(|&(_, inlier)| inlier).map(|(&i, _)| i))
     }
 
-    /// Residual below the tolerance under the model, for each correspondence.
+    /// Mask of the correspondences with a residual below the tolerance under the model.
     ///
     /// # Errors
     /// [`crate::Error::OutOfMemory`].
@@ -111,7 +112,7 @@ impl SampleConsensus {
         memory::collect((0..source.len()).map(|i| is_inlier(model, source, target, i, self.tolerance)))
     }
 
-    /// The best of a block, unless none of it has as many inliers as `most_inliers` says that there are.
+    /// The best of a block, unless all of its hypotheses have fewer inliers than `most_inliers`.
     fn best_of_block(
         &self,
         block: usize,
@@ -126,7 +127,7 @@ impl SampleConsensus {
         for iteration in iterations {
             let sample = sample_three(self.seed, iteration as u64, source.len());
             let Some(model) = self.hypothesis(sample, source, target) else { continue };
-            // Fewer than others have already can't win; as many may, if it is the earliest.
+            // Fewer inliers than another hypothesis cannot win; as many can, if it is the earliest.
             let least = most_inliers.load(Ordering::Relaxed);
             let Some(inliers) = counter.count(&model, least, &mut near)? else { continue };
             most_inliers.fetch_max(inliers, Ordering::Relaxed);
@@ -152,13 +153,14 @@ impl SampleConsensus {
     }
 }
 
-/// Iterations after which a better model has been missed with probability below `1 - confidence`.
+/// Number of iterations after which the probability of having missed a better model is below `1 -
+/// confidence`.
 fn needed(confidence: f64, inliers: usize, n: usize) -> f64 {
     let share = inliers as f64 / n as f64;
     if share >= 1.0 {
         return 0.0;
     }
-    // ln(1 - x) that is still below 0 where 1 - x rounds to 1.
+    // ln(1 - x) that is still below 0 if 1 - x rounds to 1.
     (-confidence).ln_1p() / (-share.powi(3)).ln_1p()
 }
 

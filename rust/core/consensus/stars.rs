@@ -1,7 +1,7 @@
-//! Poses from correspondences whose frames propose nearly the same one.
+//! Poses from correspondences whose frames propose similar poses.
 //!
-//! A star is a correspondence with those that the pose of its own frames lays where they end; the motion that fits
-//! their points and their frames is a hypothesis.
+//! A star is a centre correspondence with the members whose targets match the pose of the centre's frames.
+//! The motion fitted to their points and frames is a hypothesis.
 
 use nalgebra::{Matrix3, Point3};
 use rayon::prelude::*;
@@ -14,32 +14,32 @@ use crate::memory;
 use crate::points::Points;
 use crate::selection::top_k::largest;
 
-/// Greatest angle between what two frames propose.
+/// Greatest angle between the rotations proposed by two frames.
 pub const FRAME_ANGLE: f64 = std::f64::consts::PI / 6.0;
 
-/// Heaviest stars that make hypotheses, and members of each that make one with its centre alone.
+/// Heaviest stars that propose hypotheses, and members of each that propose one with the centre alone.
 const MOST_STARS: usize = 300;
 const MOST_PAIRS: usize = 3;
 
-/// Standard deviation of a right frame's angle: 10 degrees.
+/// Standard deviation of a correct frame's angle: 10 degrees.
 pub const FRAME_DEVIATION: f64 = std::f64::consts::PI / 18.0;
 
-/// What stars are made of, between centred points.
+/// Input of the star search, between centred points.
 #[derive(Debug, Clone, Copy)]
 pub struct Stars<'a> {
     /// Matched points.
     pub source: &'a Points,
-    /// Their partners.
+    /// Their matches.
     pub target: &'a Points,
-    /// The rotation that the frames of each correspondence propose.
+    /// The rotation proposed by the frames of each correspondence.
     pub rotations: &'a [Option<Matrix3<f64>>],
-    /// Those that keep their distance to each other; its indices are those of `vertices`.
+    /// Correspondences that agree in distance; its indices are those of `vertices`.
     pub graph: &'a AgreementGraph,
-    /// The rows that the graph is made of.
+    /// The rows of the graph's vertices.
     pub vertices: &'a [usize],
-    /// Greatest distance difference of two that agree.
+    /// Greatest distance difference of two agreeing correspondences.
     pub tolerance: f64,
-    /// Standard deviation of a right match.
+    /// Standard deviation of a correct match.
     pub deviation: f64,
 }
 
@@ -56,8 +56,8 @@ impl Stars<'_> {
         memory::concat(&memory::par_try_collect(largest.par_iter().map(poses))?)
     }
 
-    /// The rows in the star of a vertex: the pose of either one's frames lays the other where it ends, but for the angle
-    /// by which frames may be off.
+    /// The rows in the star of a vertex: the pose of either one's frames maps the other to its target, up to
+    /// the angular error of frames.
     fn members(&self, center: usize) -> impl Iterator<Item = usize> {
         let i = self.vertices[center];
         let (p, q) = (self.source.get(i), self.target.get(i));

@@ -1,4 +1,4 @@
-//! An arctangent without branches or table look-ups, so that loops over it run on vector units.
+//! An arctangent without branches or table lookups, which the compiler vectorizes.
 
 #![expect(clippy::inline_always, reason = "must take on the vector features of the loop it stands in")]
 
@@ -6,7 +6,7 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
 use crate::simd::arithmetic::{Arithmetic, Separate, polynomial};
 
-/// Tangent of 22.5 degrees: beyond it an angle is measured from 45 degrees.
+/// Tangent of 22.5 degrees: larger angles are measured from 45 degrees.
 const TAN_PI_8: f64 = 0.414_213_562_373_095_03;
 
 /// `atan(t) / t` as a polynomial of `t^2`, for `|t| <= tan(22.5 degrees)`: interpolation at the Chebyshev
@@ -30,7 +30,7 @@ pub fn atan2(y: f64, x: f64) -> f64 {
     atan2_by(Separate, y, x)
 }
 
-/// The same in the arithmetic of an instruction set.
+/// As [`atan2`], in the arithmetic of an instruction set.
 #[inline(always)]
 pub fn atan2_by<A: Arithmetic>(arithmetic: A, y: f64, x: f64) -> f64 {
     let (across, along) = (y.abs(), x.abs());

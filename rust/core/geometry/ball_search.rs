@@ -1,4 +1,4 @@
-//! All points within a fixed radius of a place, found through a uniform grid.
+//! Search for all points within a fixed radius, by a uniform grid.
 
 use std::sync::Arc;
 
@@ -11,29 +11,29 @@ use crate::execution::Execution;
 use crate::memory;
 use crate::points::Points;
 
-/// Cells per radius: smaller cells fit the ball better, larger ones need fewer look-ups.
+/// Cells per radius: smaller cells fit the ball better, larger ones need fewer lookups.
 const CELLS_PER_RADIUS: f64 = 2.0;
-/// A grid made for a radius serves smaller ones down to this share of it; below, too many points lie in its cells.
+/// Least radius of a query relative to the grid's radius; cells hold too many points for smaller ones.
 const LEAST_SHARE: f64 = 0.5;
-/// Share of the radius that the grid is made for within which the nearest point is looked for first.
+/// Share of the grid's radius that the nearest point is searched within first.
 const FIRST_SHARE: f64 = 0.25;
-/// Queries that one task takes.
+/// Queries per task.
 const QUERIES_PER_TASK: usize = 128;
-/// Positions to either side that a search for any one point tries first.
+/// Positions on either side that a search for any point tests first.
 const LOOK_AROUND: usize = 6;
 
-/// Finds all points nearer than a radius fixed in advance. A clone shares the grid.
+/// Finds all points within a radius fixed in advance. Clones share the grid.
 #[derive(Debug, Clone)]
 pub struct BallSearch {
     radius: f64,
-    /// Only so many nearest points are found.
+    /// Upper bound of the number of points found, the nearest.
     most: usize,
-    /// The radius that the grid is made for.
+    /// The radius that the grid was built for.
     made_for: f64,
     grid: Arc<Grid>,
 }
 
-/// What one query found. Order: that of the grid, the same for any number of threads.
+/// Result of a query, in grid order: the same for any number of threads.
 #[derive(Debug, Clone, Default)]
 pub struct Ball {
     // Buffers only grow; the first `len` entries are valid.
@@ -41,27 +41,28 @@ pub struct Ball {
     offsets: Vec<[f64; 3]>,
     squared_distances: Vec<f64>,
     positions: Vec<u32>,
-    /// Squared distance, as its bits, and index in the cloud: what ranks points where not all are kept.
+    /// Squared distance, as its bits, and index in the cloud: the sort key if not all points are kept.
     keys: Vec<(u64, u32)>,
     ranked: Vec<(u64, u32)>,
 }
 
-/// The point nearest to a place.
+/// The point nearest to a query.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Nearest {
     place: Point3<f64>,
     point: Option<Point3<f64>>,
-    /// Distance from the place within which no other point lies.
+    /// Radius around the query within which no other point lies.
     clear: f64,
 }
 
 impl Nearest {
-    /// Vector from the place to the point.
+    /// Vector from the query to the point.
     pub fn offset(&self) -> Option<Vector3<f64>> {
         self.point.map(|point| point - self.place)
     }
 
-    /// What is nearest to another place, if that is certain without a search; a point beyond `reach` may be missing.
+    /// The point nearest to another query, if it is certain without a search; a point beyond `reach` may be
+    /// missing.
     pub fn seen_from(&self, place: &Point3<f64>, reach: f64) -> Option<Self> {
         let clear = self.clear - (place - self.place).norm();
         let is_nearest = |point: &Point3<f64>| (point - place).norm() < clear;
@@ -86,7 +87,7 @@ impl Ball {
         &self.offsets[..self.len]
     }
 
-    /// Squared length of each of them.
+    /// Squared lengths of the offsets.
     pub fn squared_distances(&self) -> &[f64] {
         &self.squared_distances[..self.len]
     }
@@ -110,7 +111,7 @@ impl Ball {
         memory::resize(&mut self.positions, size, 0)
     }
 
-    /// A ball of the given offsets, at positions 0, 1, ...
+    /// Fills a ball with the given offsets, at positions 0, 1, ...
     #[cfg(test)]
     pub(crate) fn fill(&mut self, offsets: &[[f64; 3]]) {
         self.len = offsets.len();
@@ -131,12 +132,12 @@ impl BallSearch {
         Ok(Self { radius, most: usize::MAX, made_for: radius, grid })
     }
 
-    /// Whether the grid is made for this radius.
+    /// Whether the grid was built for this radius.
     pub fn is_made_for(&self, radius: f64) -> bool {
         self.made_for.to_bits() == radius.to_bits()
     }
 
-    /// Whether queries of this radius are about as fast as on a grid made for it; balls come in another order.
+    /// Whether queries of this radius are about as fast as on their own grid; balls come in another order.
     pub fn serves(&self, radius: f64) -> bool {
         (LEAST_SHARE * self.made_for..=self.made_for).contains(&radius)
     }
@@ -147,14 +148,14 @@ impl BallSearch {
         Self { radius, ..self.clone() }
     }
 
-    /// The same search where a ball holds no more than the `most` nearest points; of equally near ones those of
+    /// As this search, limited to the `most` nearest points of a ball; of equally near points to those of
     /// lower index.
     #[must_use]
     pub fn of_nearest(&self, most: usize) -> Self {
         Self { most, ..self.clone() }
     }
 
-    /// Whether both look into one grid.
+    /// Whether both searches share a grid.
     #[cfg(test)]
     pub(crate) fn shares_grid(&self, other: &Self) -> bool {
         Arc::ptr_eq(&self.grid, &other.grid)
@@ -186,7 +187,7 @@ impl BallSearch {
         self.grid.order[position as usize]
     }
 
-    /// Puts one value per point of the cloud into grid order, so that a ball reads them in runs.
+    /// Reorders one value per point of the cloud into grid order, so that a ball reads contiguous runs.
     ///
     /// # Errors
     /// [`crate::Error::OutOfMemory`].
@@ -219,7 +220,7 @@ impl BallSearch {
                 ball.offsets[found] = offset;
                 ball.squared_distances[found] = square;
                 ball.positions[found] = position;
-                // Written first and counted only if inside: no branch to mispredict.
+                // Written first and counted only if inside: avoids a branch that would be mispredicted.
                 found += usize::from(square < limit);
             }
             ball.len = found;
@@ -229,7 +230,7 @@ impl BallSearch {
         if ball.len > self.most { self.keep_nearest(ball) } else { Ok(()) }
     }
 
-    /// The point nearest to a place, if that is nearer than the radius; ties to the first in grid order.
+    /// The point nearest to a query, if nearer than the radius; ties to the first in grid order.
     pub fn nearest(&self, center: &Point3<f64>) -> Nearest {
         let place = [center.x, center.y, center.z];
         let mut radius = self.radius.min(FIRST_SHARE * self.made_for);
@@ -254,10 +255,10 @@ impl BallSearch {
         }
     }
 
-    /// Leaves the nearest points in the ball, in their order.
+    /// Reduces the ball to the nearest points, in their order.
     fn keep_nearest(&self, ball: &mut Ball) -> Result<()> {
         let near = ball.squared_distances[..ball.len].iter().zip(&ball.positions);
-        // Squares are not negative, so their bits are in order too, which is faster.
+        // Non-negative numbers and their bits have the same order; comparing bits is faster.
         let key = |(square, &position): (&f64, &u32)| (square.to_bits(), self.index(position));
         ball.keys.clear();
         memory::reserve(&mut ball.keys, ball.len)?;
@@ -281,8 +282,8 @@ impl BallSearch {
         Ok(())
     }
 
-    /// Whether any point nearer than the radius to the one at `position` satisfies `test`, which is given
-    /// the positions of such points.
+    /// Whether any point nearer than the radius to the one at `position` satisfies `test`, a predicate on
+    /// positions.
     pub fn any_near(&self, position: u32, test: impl Fn(u32) -> bool) -> bool {
         let center = self.grid.points[position as usize];
         let limit = self.radius * self.radius;
@@ -292,7 +293,7 @@ impl BallSearch {
             let square = offset[0] * offset[0] + offset[1] * offset[1] + offset[2] * offset[2];
             square < limit && test(other as u32)
         };
-        // Neighbours in grid order are mostly neighbours in space, and often settle the question.
+        // Neighbours in grid order are mostly neighbours in space, and often decide the query.
         let own = position as usize;
         let around = own.saturating_sub(LOOK_AROUND)..(own + LOOK_AROUND + 1).min(self.len());
         around.into_iter().any(is_hit)
@@ -306,7 +307,7 @@ impl BallSearch {
     /// the order of the cloud.
     ///
     /// # Errors
-    /// [`crate::Error::Interrupted`] where the caller asked to stop; [`crate::Error::OutOfMemory`].
+    /// [`crate::Error::Interrupted`] if the caller requested a stop; [`crate::Error::OutOfMemory`].
     pub fn map_points<T, F>(&self, execution: &Execution, f: F) -> Result<Vec<T>>
     where
         T: Copy + Default + Send,
@@ -331,11 +332,12 @@ impl BallSearch {
         Ok(results)
     }
 
-    /// Calls `f(i, ball)` for the ball around `centers[i]`, on all threads; one result per centre, which is `value`
-    /// until it is computed.
+    /// Calls `f(i, ball)` for the ball around `centers[i]`, on all threads; returns one result per centre,
+    /// with `value` as the placeholder.
     ///
     /// # Errors
-    /// Those of `f`; [`crate::Error::Interrupted`] where the caller asked to stop; [`crate::Error::OutOfMemory`].
+    /// Those of `f`; [`crate::Error::Interrupted`] if the caller requested a stop;
+    /// [`crate::Error::OutOfMemory`].
     pub fn map_at<T, F>(
         &self,
         centers: &[Point3<f64>],
@@ -417,7 +419,7 @@ mod tests {
 
     #[test]
     fn the_nearest_of_a_ball_by_distance_and_index() -> Result<()> {
-        // Rows twice, so that distances tie.
+        // Duplicated rows, so that distances tie.
         let rows = [scattered(150, 1.0), scattered(150, 1.0)].concat();
         let points = Points::from_rows("points", &rows)?;
         let all = BallSearch::new(&points, 0.5)?;

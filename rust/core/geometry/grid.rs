@@ -1,8 +1,8 @@
 //! A uniform grid whose cells own contiguous runs of points.
 //!
-//! Cells are numbered along x first, so that the cells a ball touches in one row form a single run of
-//! memory. Only occupied cells are stored; rows are found through a table where there are few of them, as
-//! on surfaces, and by bisection otherwise. Memory is linear in the number of points.
+//! Cells are numbered along x first, so that the cells of a ball in one row form a single run of memory. Only
+//! occupied cells are stored. Rows are found through a table if there are few of them, as on surfaces, and by
+//! bisection otherwise. Memory is linear in the number of points.
 
 use rayon::prelude::*;
 
@@ -12,7 +12,7 @@ use crate::points::Points;
 
 /// Cells along an axis; the number of a row stays below 2^62.
 const MAX_CELLS_PER_AXIS: f64 = (1_u64 << 31) as f64;
-/// Rows of the table per point of the cloud.
+/// Most rows of the table per point of the cloud.
 const ROWS_PER_POINT: u64 = 4;
 
 /// Points sorted into cells.
@@ -24,20 +24,20 @@ pub(super) struct Grid {
     rows: Rows,
     /// Cell along x of every occupied cell, row after row.
     columns: Vec<u32>,
-    /// Where the points of each of them begin, and at last their number.
+    /// Start of each cell's points, then the number of points.
     starts: Vec<u32>,
     /// Coordinates in grid order.
     pub points: Vec<[f64; 3]>,
-    /// Index of each of them in the cloud.
+    /// Index of each point in the cloud.
     pub order: Vec<u32>,
 }
 
-/// For every row of cells, where its occupied cells begin.
+/// Start of the occupied cells of every row of cells.
 #[derive(Debug, Clone)]
 enum Rows {
-    /// One entry per row, and one more.
+    /// One entry per row, plus one.
     Table(Vec<u32>),
-    /// One entry per occupied row, and one more in `first`.
+    /// One entry per occupied row, plus one in `first`.
     Occupied { rows: Vec<u64>, first: Vec<u32> },
 }
 
@@ -69,7 +69,7 @@ impl Rows {
     }
 }
 
-/// 0, a, a + b, ...
+/// Running sums: 0, a, a + b, ...
 fn running_total(lengths: impl Iterator<Item = u32>) -> Result<Vec<u32>> {
     let mut total = 0;
     memory::collect(std::iter::once(0).chain(lengths).map(|length| {
@@ -102,13 +102,12 @@ impl Grid {
         Ok(grid)
     }
 
-    /// Puts one value per point of the cloud into grid order.
+    /// Reorders one value per point of the cloud into grid order.
     pub fn reorder<T: Copy>(&self, values: &[T]) -> Result<Vec<T>> {
         memory::collect(self.order.iter().map(|&index| values[index as usize]))
     }
 
-    /// Calls `f` with every non-empty run of points that may lie within the radius, until it returns
-    /// something.
+    /// Calls `f` with every non-empty run of points that may lie within the radius, until it returns a value.
     pub fn visit_runs<R>(
         &self,
         center: [f64; 3],
@@ -133,7 +132,7 @@ impl Grid {
         None
     }
 
-    /// Cell of a coordinate along axis `k`; places outside the box belong to its outermost cells.
+    /// Cell of a coordinate along axis `k`; coordinates outside the box map to its outermost cells.
     #[inline]
     fn cell(&self, coordinate: f64, k: usize) -> u64 {
         let cell = ((coordinate - self.low[k]) / self.cell_size).max(0.0) as u64;

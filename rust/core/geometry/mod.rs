@@ -1,4 +1,4 @@
-//! Rigid motions, neighbour search, point-cloud resolution, placements seen from above.
+//! Rigid motions, neighbour search, point-cloud resolution, placement of an outline on a top-view map.
 
 pub(crate) mod angle;
 pub mod ball_search;

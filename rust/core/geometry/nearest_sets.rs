@@ -1,9 +1,9 @@
-//! The set of the `count` nearest points of every point of a cloud, in no order: for counts in the hundreds.
+//! The set of the `count` nearest points of every point of a cloud, unordered: for counts in the hundreds.
 //!
-//! Points are cut into blocks of neighbours, as by a k-d tree. For the queries of one block, the blocks
-//! within reach are listed once; every query then measures whole blocks of that list, which vector
-//! instructions do, and looks for a limit below which exactly `count` distances lie. How far to reach is
-//! guessed from the query before; a guess that proves too low gives way to a bound that is certain.
+//! Points are partitioned into blocks of neighbours, as by a k-d tree. For the queries of one block, the
+//! blocks within reach are listed once. Every query then measures whole blocks of that list, with vector
+//! instructions, and finds a limit that exactly `count` distances lie below. The reach is predicted from the
+//! previous query; if the prediction is too low, a certain bound replaces it.
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 
@@ -20,18 +20,18 @@ use crate::simd::{self, Kernel, Lanes};
 
 /// Points of a block; all blocks but the last are full.
 const BLOCK: usize = 16;
-/// Blocks of a region, in which near blocks are looked up; also what one task takes.
+/// Blocks per region: near blocks are looked up by region, and a region is a task.
 const REGION: usize = 16;
-/// By how much a query's greatest squared distance may exceed that of the query before, its neighbour, at the
-/// first try. On a surface the number of points grows with the squared distance, so 5/4 finds enough where the
-/// density is down to 4/5. It decides how much is measured, never what is found.
+/// Factor on the previous (neighbouring) query's greatest squared distance for the first attempt. On a
+/// surface the number of points grows with the squared distance, so 5/4 suffices for densities down to 4/5.
+/// It affects the cost, never the result.
 const SLACK: f64 = 1.25;
-/// Trial limits before ties are looked into.
+/// Trial limits before ties are examined.
 const TRIALS: usize = 10;
-/// Index of a place that is left over.
+/// Index of an unused place.
 const NO_POINT: u32 = u32::MAX;
 
-/// Finds the sets of nearest points of the points of a cloud.
+/// Finds the sets of nearest points for the points of a cloud.
 #[derive(Debug, Clone)]
 pub struct NearestSets {
     len: usize,
@@ -40,7 +40,7 @@ pub struct NearestSets {
     regions: Boxes,
 }
 
-/// Points next to each other; places that are left over are infinitely far.
+/// Neighbouring points; unused places are infinitely far.
 #[derive(Debug, Clone)]
 struct Block {
     coordinates: [[f64; BLOCK]; 3],
@@ -61,7 +61,7 @@ struct Boxes {
     high: [Vec<f64>; 3],
 }
 
-/// Two limits, fewer points than wanted below the one, more below the other.
+/// Two limits: fewer than the requested number of points lie below the first, more below the second.
 #[derive(Debug, Clone, Copy)]
 struct Bracket {
     low: f64,
@@ -87,7 +87,7 @@ struct Workspace {
 }
 
 impl NearestSets {
-    /// Cuts the points into blocks. Cost O(N log N), memory about 40 bytes per point.
+    /// Partitions the points into blocks. Cost O(N log N), memory about 40 bytes per point.
     ///
     /// # Errors
     /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
@@ -101,12 +101,12 @@ impl NearestSets {
         Ok(Self { len: cloud.len(), blocks, boxes, regions })
     }
 
-    /// Calls `f(index, members)` for every point of the cloud, on all threads; one result per point, in the
-    /// order of the cloud. `members`, in no order, are those of the `count` nearest other points that
-    /// `keep` holds for; ties in distance go to the lowest index.
+    /// Calls `f(index, members)` for every point of the cloud, on all threads; returns one result per point,
+    /// in the order of the cloud. `members`, unordered, are the `count` nearest other points, without those
+    /// for which `keep` is false; ties in distance go to the lowest index.
     ///
     /// # Errors
-    /// [`crate::Error::Interrupted`] where the caller asked to stop; [`crate::Error::OutOfMemory`].
+    /// [`crate::Error::Interrupted`] if the caller requested a stop; [`crate::Error::OutOfMemory`].
     pub fn map<T, F>(&self, count: usize, keep: &[bool], execution: &Execution, f: F) -> Result<Vec<T>>
     where
         T: Copy + Default + Send,
@@ -140,8 +140,8 @@ impl NearestSets {
         Ok(results)
     }
 
-    /// Squared distance within which every point of the block most likely has `count` others, given the
-    /// squared distance that the query before needed.
+    /// Squared distance within which every point of the block most likely has `count` others, from the
+    /// squared distance of the previous query.
     fn likely_reach(&self, block: usize, count: usize, last: Option<f64>) -> f64 {
         let Some(last) = last else {
             return self.certain_reach(block, count);
@@ -187,7 +187,7 @@ impl Workspace {
     }
 
     /// Measures all blocks within `reach` of the point in a lane of a block: squared distances to their
-    /// points, and how many are within it. The point itself counts as infinitely far.
+    /// points, and the number within reach. The point itself counts as infinitely far.
     #[inline(always)]
     fn measure(&mut self, sets: &NearestSets, (block, lane): (usize, usize), reach: f64) -> Result<usize> {
         let center = sets.blocks[block].coordinates.map(
@@ -223,7 +223,7 @@ impl Workspace {
         squares.map(|&square| u64::from(square < limit)).sum::<u64>() as usize
     }
 
-    /// A limit with `count` points below it.
+    /// Finds a limit with `count` points below it.
     #[inline(always)]
     fn limit(
         &mut self,
@@ -238,7 +238,7 @@ impl Workspace {
         let mut trial = guess.filter(|&guess| bracket.contains(guess)).unwrap_or(bracket.interpolate(count));
         for _ in 0..TRIALS {
             if !bracket.contains(trial) {
-                break; // no number is left in between
+                break; // no number lies between the two
             }
             let found = self.count_below(trial);
             if found == count {
@@ -254,8 +254,8 @@ impl Workspace {
         self.settle(sets, count - bracket.below_low, bracket.low..bracket.high)
     }
 
-    /// The limit that holds the `count` first of those points whose squared distance is in a range, by
-    /// (distance, index). All that come after the last are moved to infinity, ties with it included.
+    /// The limit that holds the first `count` of the points whose squared distance is in a range, by
+    /// (distance, index). Moves all points after the last to infinity, ties with it included.
     #[cold]
     fn settle(&mut self, sets: &NearestSets, count: usize, range: Range<f64>) -> Result<f64> {
         self.ties.clear();
@@ -276,7 +276,7 @@ impl Workspace {
         Ok(last.squared_distance.next_up())
     }
 
-    /// Writes down the points nearer than the limit that are to be kept.
+    /// Writes the points below the limit that `keep` selects.
     #[inline(always)]
     fn gather(&mut self, sets: &NearestSets, limit: f64, keep: &[u32]) -> Result<()> {
         memory::resize(&mut self.members, self.measured.len() * BLOCK, 0)?;
@@ -303,7 +303,7 @@ struct Search<'a> {
     block: usize,
     lane: usize,
     count: usize,
-    /// Squared distance that the query before needed.
+    /// Squared distance of the previous query.
     last: Option<f64>,
     keep: &'a [u32],
 }
@@ -311,7 +311,7 @@ struct Search<'a> {
 impl Kernel for Search<'_> {
     type Output = Result<f64>;
 
-    /// Leaves the members in the workspace; returns the squared distance that was needed.
+    /// Writes the members to the workspace; returns the squared distance needed.
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) -> Result<f64> {
         let Self { sets, workspace, block, lane, count, last, keep } = self;
@@ -343,7 +343,7 @@ impl Bracket {
         self.low < trial && trial < self.high
     }
 
-    /// Where `count` points would be below, were their squared distances spread evenly.
+    /// The limit below which `count` points would lie if their squared distances were uniformly distributed.
     #[inline(always)]
     fn interpolate(&self, count: usize) -> f64 {
         let (wanted, all) = (count - self.below_low, self.below_high - self.below_low);
@@ -351,7 +351,7 @@ impl Bracket {
     }
 }
 
-/// Which values are below the limit, one bit each.
+/// Bit mask of the values below the limit.
 #[inline(always)]
 fn bits_below(values: &[f64; BLOCK], limit: f64) -> u32 {
     let mut bits = [0_u64; BLOCK];
@@ -383,7 +383,7 @@ impl Block {
         squares
     }
 
-    /// Which points `values` holds for, one bit each.
+    /// Bit mask of the points for which `values` is true.
     fn bits(&self, values: &[bool]) -> u32 {
         let holds = |index: u32| index != NO_POINT && values[index as usize];
         (0..BLOCK).fold(0, |bits, l| bits | u32::from(holds(self.indices[l])) << l)
@@ -433,8 +433,8 @@ impl Boxes {
         Ok(())
     }
 
-    /// Squared distances of the boxes `first..end` from `place`. They round like those of points do, so none
-    /// exceeds that of any two points in the boxes.
+    /// Squared distances of the boxes `first..end` from `place`. They are rounded like those of points, so
+    /// none exceeds the distance of any two points in the boxes.
     #[inline(always)]
     fn gaps(&self, first: usize, end: usize, place: &Bounds, gaps: &mut Vec<f64>) -> Result<()> {
         memory::resize(gaps, end - first, 0.0)?;
@@ -457,7 +457,7 @@ impl Boxes {
     }
 }
 
-/// As `f64::max`, without its care for NaN.
+/// As `f64::max`, without handling NaN.
 #[inline(always)]
 fn greater(a: f64, b: f64) -> f64 {
     if a > b { a } else { b }
@@ -468,7 +468,7 @@ fn squared_norm(v: [f64; 3]) -> f64 {
     v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
 }
 
-/// Puts points that are near each other into the same blocks, and near blocks into the same regions.
+/// Sorts neighbouring points into the same blocks, and neighbouring blocks into the same regions.
 fn arrange(entries: &mut [([f64; 3], u32)], execution: &Execution) -> Result<()> {
     if entries.len() <= BLOCK {
         return Ok(());

@@ -1,7 +1,7 @@
-//! Exact nearest neighbours: a balanced k-d tree over a fixed set of points.
+//! Exact nearest neighbours by a balanced k-d tree over a fixed set of points.
 //!
-//! Splits go by (coordinate, index) and not by coordinate alone, so coincident or axis-aligned points
-//! need no special case; neighbours are ordered by (distance, index), so ties have one answer.
+//! Splits are by (coordinate, index) and not by coordinate alone, so coincident or axis-aligned points need
+//! no special case. Neighbours are ordered by (distance, index), so ties have one result.
 
 use std::collections::BinaryHeap;
 
@@ -12,9 +12,9 @@ use crate::execution::Execution;
 use crate::memory;
 use crate::points::Points;
 
-/// Largest number of points that are scanned rather than split.
+/// Most points of a leaf.
 const LEAF_SIZE: usize = 12;
-/// Queries that one task takes.
+/// Queries per task.
 const QUERIES_PER_TASK: usize = 256;
 
 /// A point found by a search; ordered by distance, then index.
@@ -36,20 +36,20 @@ impl PartialOrd for Neighbor {
 
 impl Ord for Neighbor {
     fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        // Squares are not negative, so their bits are in order too, which is faster.
+        // Non-negative numbers and their bits have the same order; comparing bits is faster.
         let key = |neighbor: &Self| (neighbor.squared_distance.to_bits(), neighbor.index);
         key(self).cmp(&key(other))
     }
 }
 
-/// Finds the points nearest to any point of space. Build once, query from many threads.
+/// Finds the nearest points of any query. Built once, queried from many threads.
 #[derive(Debug, Clone)]
 pub struct NearestNeighbors {
     /// Coordinates in tree order: every node owns a contiguous range.
     points: Vec<[f64; 3]>,
-    /// Index of each of them in the cloud.
+    /// Index of each point in the cloud.
     order: Vec<u32>,
-    /// Where each point of the cloud went.
+    /// Position of each point of the cloud in the tree order.
     position: Vec<u32>,
     /// Inner nodes, heap-like: children of `i` are `2i + 1` and `2i + 2`.
     nodes: Vec<Node>,
@@ -59,13 +59,13 @@ pub struct NearestNeighbors {
 struct Node {
     axis: usize,
     split: f64,
-    /// Lowest index in the right part; lets a tie in distance be settled without a visit.
+    /// Lowest index in the right part; decides a tie in distance without a visit.
     lowest_right: u32,
     /// Lowest index in the left part.
     lowest_left: u32,
 }
 
-/// State of one query: the best `count` so far, and how far the current box is along each axis.
+/// State of one query: the best `count` so far, and the distance of the current box along each axis.
 struct Query<'a> {
     center: [f64; 3],
     count: usize,
@@ -101,18 +101,18 @@ impl NearestNeighbors {
         self.points.is_empty()
     }
 
-    /// Calls `f(index, neighbours)` with the `count` nearest other points of every point of the cloud, on
-    /// all threads; one result per point, in the order of the cloud. Neighbours are ordered by (distance,
-    /// index); they are fewer where the cloud holds fewer.
+    /// Calls `f(index, neighbours)` with the `count` nearest other points of every point of the cloud, on all
+    /// threads; returns one result per point, in the order of the cloud. Neighbours are ordered by (distance,
+    /// index); there are fewer if the cloud has fewer.
     ///
     /// # Errors
-    /// [`crate::Error::Interrupted`] where the caller asked to stop; [`crate::Error::OutOfMemory`].
+    /// [`crate::Error::Interrupted`] if the caller requested a stop; [`crate::Error::OutOfMemory`].
     pub fn map_points<T, F>(&self, count: usize, execution: &Execution, f: F) -> Result<Vec<T>>
     where
         T: Copy + Default + Send,
         F: Fn(usize, &[Neighbor]) -> T + Sync,
     {
-        // In the order of the tree, so that a task's queries share what is in the cache.
+        // In the order of the tree, so that the queries of a task share the cache.
         let mut sorted = memory::filled(T::default(), self.len())?;
         let tasks = sorted.par_chunks_mut(QUERIES_PER_TASK).zip(self.order.par_chunks(QUERIES_PER_TASK));
         tasks.try_for_each_init(Vec::new, |found, (results, queries)| {
@@ -126,11 +126,11 @@ impl NearestNeighbors {
         memory::collect(self.position.iter().map(|&position| sorted[position as usize]))
     }
 
-    /// Indices of the `count` nearest other points of some points of the cloud, one after the other; of each so many as
-    /// there are others, if these are fewer.
+    /// Concatenated indices of the `count` nearest other points of some points of the cloud; all others per
+    /// point if there are fewer.
     ///
     /// # Errors
-    /// [`crate::Error::InvalidInput`] for a row beyond the cloud; [`crate::Error::Interrupted`],
+    /// [`crate::Error::InvalidInput`] for a row out of range; [`crate::Error::Interrupted`],
     /// [`crate::Error::OutOfMemory`].
     pub fn of_rows(&self, rows: &[usize], count: usize, execution: &Execution) -> Result<Vec<u32>> {
         if let Some(row) = rows.iter().find(|&&row| row >= self.len()) {
@@ -148,7 +148,7 @@ impl NearestNeighbors {
         Ok(nearest)
     }
 
-    /// The points nearest to point `own`, itself left out.
+    /// The nearest points of point `own`, without the point itself.
     fn search(&self, own: u32, count: usize, found: &mut Vec<Neighbor>) -> Result<()> {
         found.clear();
         if count == 0 {
@@ -193,7 +193,7 @@ impl NearestNeighbors {
 }
 
 impl Query<'_> {
-    /// Whether a box at this distance, holding no index below `lowest`, may improve on what is known.
+    /// Whether a box at this distance, with no index below `lowest`, may improve the result.
     fn may_hold(&self, squared_distance: f64, lowest: u32) -> bool {
         self.best.len() < self.count || self.best.peek() > Some(&Neighbor { squared_distance, index: lowest })
     }
@@ -209,7 +209,7 @@ impl Query<'_> {
     }
 }
 
-/// The same sum for boxes and for points: rounding then can't put a point nearer than its box.
+/// The same sum for boxes and points: rounding then cannot place a point nearer than its box.
 #[inline]
 fn squared_norm(v: [f64; 3]) -> f64 {
     v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
@@ -239,7 +239,7 @@ fn build(
     build(right, 2 * node + 2, nodes, execution)
 }
 
-/// Axis along which the points extend farthest.
+/// Axis with the largest extent of the points.
 pub(super) fn widest_axis(entries: &[([f64; 3], u32)]) -> usize {
     let extent = |k: usize| {
         let values = entries.iter().map(|entry| entry.0[k]);
@@ -287,7 +287,7 @@ mod tests {
         let rows: Vec<[f64; 3]> =
             (0..1000).map(|i| [f64::from(i % 10), f64::from(i / 10 % 10), f64::from(i / 100)]).collect();
         check(&rows, &[1, 6, 7, 20, 2000])?;
-        // Ties here are not exact: steps of a tenth, a third and a seventh are rounded.
+        // Steps of a tenth, a third and a seventh are rounded: ties are not exact.
         let rounded: Vec<[f64; 3]> = rows.iter().map(|&[x, y, z]| [x / 10.0, y / 3.0, z / 7.0]).collect();
         check(&rounded, &[1, 2, 6, 7, 20])
     }

@@ -1,4 +1,4 @@
-//! The axes that a cloud has by itself, whatever the frame that it is given in: grids along them cut it in the same way.
+//! The intrinsic axes of a cloud, independent of its frame: grids along them divide it in the same way.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -7,11 +7,11 @@ use crate::geometry::rigid::Rigid;
 use crate::geometry::symmetric::eigen;
 use crate::points::Points;
 
-/// Rotation from the frame of the points into their own axes: the principal ones, the longest first, the first two towards
-/// the side of the longer tail (a positive third moment).
+/// Rotation from the frame of the points to their intrinsic axes: the principal axes, the longest first, the
+/// first two towards the side of the longer tail (a positive third moment).
 ///
-/// It turns with the points, up to rounding. Where two principal variances are equal, or a third moment is zero, as of
-/// exactly symmetric shapes, rounding chooses.
+/// It rotates with the points, up to rounding. If two principal variances are equal, or a third moment is
+/// zero, as for exactly symmetric shapes, rounding decides.
 pub fn own_axes(points: &Points) -> Matrix3<f64> {
     let unit = points.diagonal();
     if unit <= 0.0 {
@@ -28,17 +28,17 @@ pub fn own_axes(points: &Points) -> Matrix3<f64> {
     Matrix3::from_rows(&[first.transpose(), second.transpose(), first.cross(&second).transpose()])
 }
 
-/// The frame of a cloud's own axes about a centre of it.
+/// The frame of a cloud's intrinsic axes about its centre.
 #[derive(Debug, Clone, Copy)]
 pub struct OwnFrame {
-    /// Rotation from the data's axes into the cloud's own.
+    /// Rotation from the data's axes to the cloud's own.
     pub(crate) axes: Matrix3<f64>,
-    /// Its origin, in the data.
+    /// Its origin, in the data's coordinates.
     pub(crate) center: Vector3<f64>,
 }
 
 impl OwnFrame {
-    /// The frame of the points about their mean, and the points in it.
+    /// Computes the frame of the points about their mean, and the points in that frame.
     ///
     /// # Errors
     /// [`crate::Error::OutOfMemory`].
@@ -47,12 +47,12 @@ impl OwnFrame {
         Ok((Self { axes, center: points.center() }, points.turned(&axes)?))
     }
 
-    /// Where a point of this frame lies in the data.
+    /// Converts a point of this frame to the data's coordinates.
     pub(crate) fn in_data(&self, point: &Vector3<f64>) -> Vector3<f64> {
         self.axes.tr_mul(point) + self.center
     }
 
-    /// A pose of the data as one from this frame into another.
+    /// Converts a pose of the data to one from this frame into another.
     pub(crate) fn pose_onto(&self, target: &Self, pose: &Rigid) -> Rigid {
         let moved = pose.rotation * self.center + pose.translation - target.center;
         Rigid {
@@ -61,7 +61,7 @@ impl OwnFrame {
         }
     }
 
-    /// The pose of the data that is one from this frame into another.
+    /// Converts a pose from this frame into another to one of the data.
     pub(crate) fn pose_in_data(&self, target: &Self, pose: &Rigid) -> Rigid {
         let rotation = target.axes.transpose() * pose.rotation * self.axes;
         let shift = target.axes.tr_mul(&pose.translation);
@@ -75,7 +75,7 @@ mod tests {
 
     use super::*;
 
-    /// Points of a tail along each axis.
+    /// Points with a tail along each axis.
     fn tailed() -> Vec<[f64; 3]> {
         let wave = |i: u32, f: f64| (f64::from(i) * f).sin().exp();
         (0..500).map(|i| [5.0 * wave(i, 1.1), 3.0 * wave(i, 2.3), wave(i, 3.7)]).collect()

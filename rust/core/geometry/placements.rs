@@ -1,4 +1,4 @@
-//! Placements of an outline on a map seen from above: walls on walls, open floor where the map has no walls.
+//! Placements of an outline on a top-view map: walls on walls, open floor away from the map's walls.
 //!
 //! After E. B. Olson, *Real-time correlative scan matching*, ICRA 2009.
 
@@ -13,12 +13,12 @@ use crate::memory;
 
 /// Cells of a row that are summed at a time.
 const TILE: usize = 64;
-/// Cells of an outline whose sum fits a byte.
+/// Most cells of an outline whose sum fits a byte.
 const SUMMED: usize = u8::MAX as usize / WALL as usize;
-/// What a cell of the map counts at most.
+/// Greatest value of a map cell.
 pub const WALL: u8 = 2;
 
-/// A map seen from above, row by row: what each cell counts, [`WALL`] at most.
+/// A top-view map by rows: the value of each cell is at most [`WALL`].
 #[derive(Clone, Copy, Debug)]
 pub struct MapGrid<'a> {
     /// Row-major cells.
@@ -27,21 +27,21 @@ pub struct MapGrid<'a> {
     pub width: usize,
 }
 
-/// What a scan shows from above, about its middle, in cells.
+/// Top-view outline of a scan about its middle, in cells.
 #[derive(Clone, Copy, Debug)]
 pub struct Outline<'a> {
     /// Points of walls.
     pub walls: &'a [[f64; 2]],
     /// Points of open floor.
     pub floor: &'a [[f64; 2]],
-    /// What open floor counts beside walls.
+    /// Weight of open floor relative to walls.
     pub floor_weight: f32,
 }
 
-/// Cells of the map in which the middle of an outline may lie at one turn.
+/// Cells of the map in which the middle of an outline may lie at one rotation.
 #[derive(Clone, Debug)]
 pub struct Window {
-    /// Number of the turn.
+    /// Index of the rotation.
     pub turn: usize,
     /// Rows of the map.
     pub rows: Range<usize>,
@@ -49,12 +49,12 @@ pub struct Window {
     pub columns: Range<usize>,
 }
 
-/// Where an outline lies: its score, the number of its turn, row and column of its middle.
+/// Placement of an outline: its score, the index of its rotation, row and column of its middle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placement {
-    /// Mean of the map at walls, less the weight of open floor times the mean of the map there; 1 at most.
+    /// Mean of the map at walls, minus the weight of open floor times the mean of the map there; 1 at most.
     pub score: f32,
-    /// Number of the turn.
+    /// Index of the rotation.
     pub turn: usize,
     /// Row of the map.
     pub row: usize,
@@ -62,13 +62,13 @@ pub struct Placement {
     pub column: usize,
 }
 
-/// Scores an outline at each of some turns, (cosine, sine), in windows; returns the `most` best placements, the
-/// best first. What lies beyond the map counts nothing.
+/// Scores an outline in windows at given rotations, (cosine, sine); returns the `most` best placements, the
+/// best first. Cells beyond the map count zero.
 ///
 /// Cost O(P S) for P placements and an outline of S cells.
 ///
 /// # Errors
-/// [`Error::InvalidInput`] where a window lies beyond the map or its turn is none;
+/// [`Error::InvalidInput`] if a window exceeds the map or its rotation does not exist;
 /// [`Error::Interrupted`], [`Error::OutOfMemory`].
 pub fn best_placements(
     map: MapGrid<'_>,
@@ -99,19 +99,19 @@ pub fn best_placements(
     Ok(all)
 }
 
-/// Cells that an outline reaches from its middle.
+/// Largest distance of an outline's cells from its middle.
 fn reach(outline: Outline<'_>) -> usize {
     let farthest = outline.walls.iter().chain(outline.floor).map(|[x, y]| x.hypot(*y)).fold(0.0, f64::max);
     farthest.min(f64::from(i32::MAX)) as usize + 2
 }
 
-/// The best first; of equal ones the first by turn, row and column.
+/// Order with the best first; ties by rotation, row and column.
 fn by_score(one: &Placement, other: &Placement) -> Ordering {
     let place = |at: &Placement| (at.turn, at.row, at.column);
     other.score.total_cmp(&one.score).then_with(|| place(one).cmp(&place(other)))
 }
 
-/// Drops all but the `most` best.
+/// Removes all but the `most` best.
 fn keep_best(placements: &mut Vec<Placement>, most: usize) {
     if placements.len() > most {
         if most > 0 {
@@ -121,7 +121,7 @@ fn keep_best(placements: &mut Vec<Placement>, most: usize) {
     }
 }
 
-/// A map with a border of cells that count nothing.
+/// A map with a border of zero cells.
 struct Padded {
     cells: Vec<u8>,
     width: usize,
@@ -139,7 +139,7 @@ impl Padded {
         Ok(Self { cells, width, border })
     }
 
-    /// The cells of points once turned, each once, without those that never lie on the map; and the share of each
+    /// The distinct cells of rotated points, without those that never lie on the map; and the weight of each
     /// in the mean over all.
     fn offsets(&self, points: &[[f64; 2]], [cosine, sine]: [f64; 2]) -> Result<(Vec<isize>, f32)> {
         let mut cells = memory::collect(points.iter().map(|[x, y]| {
@@ -189,7 +189,7 @@ impl Padded {
         Ok(found)
     }
 
-    /// What the cells of a stamp count, its middle at each cell of a tile.
+    /// Sums of the map under a stamp, with its middle at each cell of a tile.
     fn sum(&self, place: usize, offsets: &[isize]) -> [u16; TILE] {
         let mut sums = [0_u16; TILE];
         for some in offsets.chunks(SUMMED) {
@@ -206,7 +206,7 @@ impl Padded {
     }
 }
 
-/// An outline once turned: its cells as offsets in a padded map, and what each counts.
+/// A rotated outline: its cells as offsets in a padded map, and their weights.
 #[derive(Clone, Default)]
 struct Stamp {
     walls: Vec<isize>,

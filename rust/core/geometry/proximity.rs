@@ -1,4 +1,5 @@
-//! Which points of one cloud have a point of another one near them, and where it lies.
+//! Proximity of the points of one cloud to those of another: whether a point is near, and the offset of the
+//! nearest.
 
 use nalgebra::Point3;
 use rayon::prelude::*;
@@ -10,20 +11,21 @@ use crate::execution::Execution;
 use crate::memory;
 use crate::points::Points;
 
-/// Cells per radius: the first point found settles a query, so larger cells than those of a ball search do.
+/// Cells per radius: the first point found decides a query, so larger cells than for a ball search suffice.
 const CELLS_PER_RADIUS: f64 = 1.0;
-/// Queries that one task takes.
+/// Queries per task.
 const QUERIES_PER_TASK: usize = 256;
-/// What rounding may do to a coordinate on its way into the grid, as a share of the greatest magnitude.
+/// Upper bound of the rounding of a coordinate in the grid, relative to the greatest magnitude.
 const ROUNDING: f64 = 32.0 * f64::EPSILON;
 
-/// Tells for each of the points whether at least one of the others is at most `radius` away, by the distance of
-/// the coordinates as they are given: ``sqrt(dx^2 + dy^2 + dz^2) <= radius``, each operation rounded once.
+/// Whether each of the points has at least one of the others within `radius`, by the distance of the given
+/// coordinates: ``sqrt(dx^2 + dy^2 + dz^2) <= radius``, each operation rounded once.
 ///
-/// Coordinates of `points` that are not numbers are near nothing. Cost O((N + M) log M) for small balls.
+/// Points with NaN coordinates have no near point. Cost O((N + M) log M) for small balls.
 ///
 /// # Errors
-/// [`crate::Error::InvalidInput`] unless the radius is positive and the others can be squared;
+/// [`crate::Error::InvalidInput`] unless the radius is positive and the squares of the others' coordinates
+/// are finite;
 /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
 pub fn any_within(
     points: &[[f64; 3]],
@@ -45,7 +47,8 @@ pub fn any_within(
         |(found, points)| {
             execution.check()?;
             for (found, point) in found.iter_mut().zip(points) {
-                // The grid holds rounded coordinates: look somewhat farther there, then at those that were given.
+                // The grid holds rounded coordinates: search it with a larger reach, then test the given
+                // coordinates.
                 let reach = radius * (1.0 + ROUNDING) + ROUNDING * (largest + magnitude(point));
                 let place = std::array::from_fn(|k| point[k] - center[k]);
                 let near = grid.visit_runs(place, reach, |start, end| {
@@ -59,7 +62,8 @@ pub fn any_within(
     Ok(found)
 }
 
-/// Finds the vector from each of the points to the nearest of the others, if that is nearer than `radius`; NaN otherwise.
+/// Returns the vector from each of the points to the nearest of the others, if nearer than `radius`; NaN
+/// otherwise.
 ///
 /// # Errors
 /// As for [`any_within`].
@@ -101,7 +105,7 @@ fn distance(a: &[f64; 3], b: &[f64; 3]) -> f64 {
 mod tests {
     use super::*;
 
-    /// Rows of a small generator, so that many distances are the same.
+    /// Rows of a small generator, with many equal distances.
     fn rows(count: u32, seed: u32, scale: f64, offset: f64) -> Vec<[f64; 3]> {
         let number = |i: u32| offset + scale * f64::from((i * 7919 + seed * 104_729) % 101 % 17);
         (0..count).map(|i| [number(3 * i), number(3 * i + 1), number(3 * i + 2)]).collect()
@@ -111,7 +115,7 @@ mod tests {
     fn is_what_all_pairs_say() -> Result<()> {
         for (scale, offset) in [(1.0, 0.0), (0.1, 1e6), (1e-3, -1e9), (1e40, 0.0)] {
             let (points, others) = (rows(300, 1, scale, offset), rows(40, 2, scale, offset));
-            // Lattice distances: many pairs lie at the radius exactly, up to rounding.
+            // Lattice distances: many pairs have a distance of exactly the radius, up to rounding.
             for radius in [1.0, 2.0, 3.0, 5.0_f64.sqrt(), 6.0, 40.0] {
                 let radius = radius * scale;
                 let wanted: Vec<bool> =

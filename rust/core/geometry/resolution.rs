@@ -6,10 +6,10 @@ use crate::geometry::neighbors::NearestNeighbors;
 
 /// Mean distance to the nearest other point, in the unit of the data (paper, section 4.1).
 ///
-/// A point with a duplicate contributes 0, unless `ignore_zero` leaves such points out. Cost O(N log N).
+/// A point with a duplicate contributes 0, or is ignored with `ignore_zero`. Cost O(N log N).
 ///
 /// # Errors
-/// [`Error::InvalidInput`] for fewer than two points, or where every distance was left out;
+/// [`Error::InvalidInput`] for fewer than two points, or if every distance is ignored;
 /// [`Error::Interrupted`].
 pub fn mean_nearest_distance(
     points: &NearestNeighbors,
@@ -29,7 +29,7 @@ pub fn mean_nearest_distance(
     Ok(distances.iter().sum::<f64>() / count as f64)
 }
 
-/// Distance of every point to its nearest other point; infinite where there is none.
+/// Distance of every point to its nearest other point; infinite without one.
 ///
 /// # Errors
 /// [`Error::Interrupted`].

@@ -6,8 +6,8 @@ use crate::error::{Error, Result};
 use crate::memory;
 use crate::points::Points;
 
-/// Points whose second principal variance is below this share of the first lie on a line: rounding makes
-/// about as much of points that do so exactly.
+/// Points whose second principal variance is below this share of the first are collinear: rounding of exactly
+/// collinear points produces about as much.
 const LINE_FLATNESS: f64 = 1e-14;
 
 /// A rigid transform `q = R p + t` on column vectors.
@@ -26,7 +26,7 @@ impl Rigid {
         Point3::from(self.rotation * p.coords + self.translation)
     }
 
-    /// The same motion between points that were not centred.
+    /// The same motion between points that are not centred.
     #[must_use]
     pub fn uncentered(&self, source: &Points, target: &Points) -> Self {
         let translation = self.translation + target.center() - self.rotation * source.center();
@@ -61,8 +61,8 @@ pub fn fit_weighted(source: &[Point3<f64>], target: &[Point3<f64>], weights: &[f
     fit_posed(source, target, weights, &Matrix3::zeros())
 }
 
-/// The same where the rotation is drawn to others as well: `turns` is the sum of these, each times its weight (it is added
-/// to `H^T`).
+/// As [`fit_weighted`], with the rotation also attracted to others: `turns` is the weighted sum of these
+/// (added to `H^T`).
 pub fn fit_posed(
     source: &[Point3<f64>],
     target: &[Point3<f64>],
@@ -85,8 +85,8 @@ pub fn fit_posed(
 /// Least-squares rigid transform between two triangles, in closed form.
 ///
 /// Both triangles are planar, so the covariance is a 2x2 matrix H between the planes' bases. The best
-/// rotation is the best planar rotation where `det H >= 0`; else the best planar reflection, made
-/// proper in space by turning the plane over.
+/// rotation is the best planar rotation if `det H >= 0`; else the best planar reflection, made proper in
+/// space by flipping the plane.
 pub fn fit_triangle(p: &[Point3<f64>; 3], q: &[Point3<f64>; 3]) -> Rigid {
     let mean = |t: &[Point3<f64>; 3]| (t[0].coords + t[1].coords + t[2].coords) / 3.0;
     let (p_mean, q_mean) = (mean(p), mean(q));
@@ -101,7 +101,7 @@ pub fn fit_triangle(p: &[Point3<f64>; 3], q: &[Point3<f64>; 3]) -> Rigid {
         }
     }
     let orientation = if h[0][0] * h[1][1] - h[0][1] * h[1][0] < 0.0 { -1.0 } else { 1.0 };
-    // Maximises tr(R H) over [[c, -o s], [s, o c]] with o the orientation.
+    // Maximizes tr(R H) over [[c, -o s], [s, o c]] with o the orientation.
     let (c, s) = (h[0][0] + orientation * h[1][1], h[0][1] - orientation * h[1][0]);
     let length = c.hypot(s);
     let (c, s) = if length > 0.0 { (c / length, s / length) } else { (1.0, 0.0) };
@@ -123,7 +123,7 @@ fn plane_basis(triangle: &[Point3<f64>; 3]) -> [Vector3<f64>; 3] {
 /// Least-squares transform of the correspondences `indices`, in the data's own coordinates.
 ///
 /// # Errors
-/// [`Error::NoConsensus`] for fewer than three correspondences, or where they lie on one line; [`Error::OutOfMemory`].
+/// [`Error::NoConsensus`] for fewer than three correspondences, or collinear ones; [`Error::OutOfMemory`].
 pub fn fit_group(source: &Points, target: &Points, indices: &[usize]) -> Result<Rigid> {
     if indices.len() < 3 {
         let reason = format!("the group has {} correspondences; a rigid transform needs 3", indices.len());
@@ -138,7 +138,8 @@ pub fn fit_group(source: &Points, target: &Points, indices: &[usize]) -> Result<
     Ok(fit_rigid(&p, &q).uncentered(source, target))
 }
 
-/// Least-squares transform between the centred points of some rows; `None` where they leave a rotation open.
+/// Least-squares transform between the centred points of some rows; `None` if they do not determine the
+/// rotation.
 ///
 /// # Errors
 /// [`Error::OutOfMemory`].
@@ -152,7 +153,7 @@ pub fn fit_rows(
     Ok(fixes_rotation(&p, &q).then(|| fit_rigid(&p, &q)))
 }
 
-/// Whether matched points fix a rotation: three or more, not on a line on either side.
+/// Whether matched points determine a rotation: three or more, not collinear on either side.
 pub fn fixes_rotation(source: &[Point3<f64>], target: &[Point3<f64>]) -> bool {
     source.len() >= 3 && !is_collinear(source) && !is_collinear(target)
 }
@@ -160,7 +161,7 @@ pub fn fixes_rotation(source: &[Point3<f64>], target: &[Point3<f64>]) -> bool {
 /// The rotation R that is nearest to `H^T`, `H = sum a b^T`, so that `R a` is nearest to b.
 pub(crate) fn rotation_from_covariance(covariance: &Matrix3<f64>) -> Matrix3<f64> {
     let scale = covariance.amax();
-    // Of what is no number the iteration would find no end.
+    // The iteration would not end for NaN or infinity.
     if scale == 0.0 || !covariance.iter().all(|entry| entry.is_finite()) {
         return Matrix3::identity();
     }
@@ -169,7 +170,7 @@ pub(crate) fn rotation_from_covariance(covariance: &Matrix3<f64>) -> Matrix3<f64
         return Matrix3::identity();
     };
     let v = v_t.transpose();
-    // The reflection, if any, is undone along the direction of the smallest singular value.
+    // A reflection is undone along the direction of the smallest singular value.
     let weakest = svd.singular_values.imin();
     let mut sign = Matrix3::identity();
     sign[(weakest, weakest)] = (v * u.transpose()).determinant().signum();

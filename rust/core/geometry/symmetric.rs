@@ -1,9 +1,9 @@
 //! Eigenvalues and eigenvectors of symmetric 3x3 matrices, without iteration.
 //!
-//! The best separated eigenvalue comes from the cubic's trigonometric solution and its vector from a
-//! cross product; the other two from the 2x2 problem that is left. Accurate to rounding relative to the
-//! largest eigenvalue, also where two or three eigenvalues coincide (D. Eberly, *A Robust Eigensolver for
-//! 3x3 Symmetric Matrices*, 2014, describes the idea).
+//! The best separated eigenvalue is computed from the cubic's trigonometric solution, and its vector from a
+//! cross product; the other two from the remaining 2x2 problem. Accurate to rounding relative to the largest
+//! eigenvalue, also if two or three eigenvalues coincide (D. Eberly, *A Robust Eigensolver for 3x3 Symmetric
+//! Matrices*, 2014, describes the idea).
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -12,7 +12,7 @@ use nalgebra::{Matrix3, Vector3};
 pub struct Eigen {
     /// Eigenvalues, ascending.
     pub values: [f64; 3],
-    /// The vector of each; together a right-handed orthonormal basis.
+    /// The eigenvector of each; together a right-handed orthonormal basis.
     pub vectors: [Vector3<f64>; 3],
 }
 
@@ -30,7 +30,7 @@ pub fn eigen(matrix: &Matrix3<f64>) -> Eigen {
     let (low, high) = solve_complement(&scaled, &first);
     let value = first.dot(&(scaled * first));
     let mut pairs = if is_largest { [low, high, (value, first)] } else { [(value, first), low, high] };
-    // Rounding may exchange neighbours that are equal in exact arithmetic.
+    // Rounding may swap neighbours that are equal in exact arithmetic.
     pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
     let [a, b, c] = pairs;
     Eigen { values: [a.0 * scale, b.0 * scale, c.0 * scale], vectors: [b.1.cross(&c.1), b.1, c.1] }
@@ -59,7 +59,7 @@ fn null_vector(m: &Matrix3<f64>) -> Vector3<f64> {
     if lengths[best] > 1e-28 {
         return products[best] / lengths[best].sqrt();
     }
-    // Rank one or zero: anything orthogonal to the longest row.
+    // Rank one or zero: any vector orthogonal to the longest row.
     let rows = [r0, r1, r2];
     let longest = (1..3).fold(0, |best, k| if rows[k].norm() > rows[best].norm() { k } else { best });
     orthogonal_to(&rows[longest].into_owned())

@@ -10,37 +10,38 @@ use crate::memory;
 use crate::options::{Value, words};
 use crate::simd::sums::{dot, sum};
 
-/// Power steps before giving up on further digits.
+/// Most power steps.
 const MAX_STEPS: usize = 1000;
 
-/// Greatest error of an entry, as a share of the largest one, with which the iteration ends.
+/// Error of an entry, relative to the largest one, at which the iteration has converged.
 const CONVERGED: f64 = 1e-9;
 
-/// Change of an entry, as a share of the largest one, from which on entries of the matrix have to be exact:
-/// about what their rounding makes.
+/// Change of an entry, relative to the largest one, below which the matrix entries have to be exact: about
+/// the effect of their rounding.
 const ROUGHLY_CONVERGED: f64 = 3e-7;
 
-/// Greatest error that rounded entries may make in an exact product, as a share of [`CONVERGED`].
+/// Greatest error of rounded entries in an exact product, as a share of [`CONVERGED`].
 const SHARE_OF_ROUNDING: f64 = 0.1;
 
-/// Smaller changes that don't fall to half may be due to rounding as well.
+/// Changes below this that do not halve may be due to rounding.
 const DOUBTFUL: f64 = 1e-5;
 
 /// Progress is reported in steps of one percent.
 const PERCENT: usize = 100;
 
-/// Share of the mean row sum added to the diagonal: same eigenvectors, but `-lambda` can't oscillate.
+/// Share of the mean row sum added to the diagonal: keeps the eigenvectors and prevents oscillation by an
+/// eigenvalue of `-lambda`.
 const SHIFT: f64 = 0.05;
 
 /// Entries whose squares can be summed.
 const SAFE: RangeInclusive<f64> = 1e-100..=1e100;
 
 words! {
-    /// How the eigenvector is computed.
+    /// Algorithm that computes the eigenvector.
     pub enum Eigensolver {
         /// Power iteration on the shifted matrix, O(n^2) per step.
         Power = Value::Word("power"),
-        /// Lanczos's method on the stored matrix, to the last digits.
+        /// Lanczos's method on the stored matrix, to full precision.
         Dense = Value::Word("dense"),
     }
 }
@@ -59,8 +60,8 @@ pub struct Eigenpair {
 /// The eigenvector of the greatest eigenvalue.
 ///
 /// # Errors
-/// [`Error::Interrupted`], [`Error::OutOfMemory`], or [`Error::InvalidInput`] where the dense solver would exceed
-/// `max_memory`.
+/// [`Error::Interrupted`], [`Error::OutOfMemory`], or [`Error::InvalidInput`] if the dense solver would
+/// exceed `max_memory`.
 pub fn principal_eigenvector(
     matrix: &PairMatrix,
     solver: Eigensolver,
@@ -69,7 +70,7 @@ pub fn principal_eigenvector(
     let start = uniform(matrix.len())?;
     let product = matrix.multiply_rounded(&start, execution)?;
     if sum(&product) <= 0.0 {
-        // Every vector is one of the zero matrix.
+        // Every vector is an eigenvector of the zero matrix.
         return Ok(Eigenpair { vector: start, value: 0.0, steps: 0 });
     }
     match solver {
@@ -83,7 +84,7 @@ fn uniform(n: usize) -> Result<Vec<f64>> {
     memory::filled(1.0 / (n.max(1) as f64).sqrt(), n)
 }
 
-/// From `start`, a unit vector of equal entries, and its product with the matrix.
+/// Power iteration from `start`, a unit vector of equal entries, and its product with the matrix.
 fn power_iteration(
     matrix: &PairMatrix,
     start: Vec<f64>,
@@ -124,8 +125,8 @@ fn power_iteration(
     }
 }
 
-/// A vector and its exact product with the matrix, from which those of vectors nearby differ by little: so that the
-/// entries that are kept tell the difference.
+/// A vector and its exact product with the matrix. Products of vectors nearby are computed from the small
+/// difference, for which the stored entries suffice.
 struct Exact {
     vector: Vec<f64>,
     product: Vec<f64>,
@@ -140,7 +141,7 @@ impl Exact {
         memory::copied(&self.product)
     }
 
-    /// The product of a vector of eigenvalue about `value`, and from then on of those near it.
+    /// The product of a vector of eigenvalue about `value`; later products use those of nearby vectors.
     fn multiply(
         &mut self,
         matrix: &PairMatrix,
@@ -174,7 +175,7 @@ fn dense(matrix: &PairMatrix, execution: &Execution) -> Result<Eigenpair> {
     Ok(Eigenpair { vector, value, steps: 0 })
 }
 
-/// The power of two by which the squares of entries neither over- nor underflow: 1 unless they would.
+/// The power of two that keeps the squares of entries from over- and underflow: 1 if none would.
 fn safe_scale(entries: &[f64]) -> f64 {
     let greatest = entries.iter().copied().fold(0.0, f64::max);
     if SAFE.contains(&greatest) { 1.0 } else { scale_to_one(greatest) }

@@ -1,13 +1,13 @@
-//! Lanczos's method: the principal eigenvector of a stored matrix, to the last digits of f64.
+//! Lanczos's method: the principal eigenvector of a stored matrix, to full f64 precision.
 //!
-//! Lanczos's method: the matrix is projected onto the vectors `x, M x, M^2 x, ...`, made orthogonal to each other, where it is
-//! tridiagonal. From equal entries x the greatest eigenvalue is never missed: a non-negative matrix has an eigenvector of it
-//! with no negative entry, whose angle to x has a cosine of at least `1 / sqrt n`. Each vector is made orthogonal to all
-//! before it, twice, so that rounding loses none; after n of them the projection is the matrix itself. Where the greatest
-//! eigenvalue is a multiple one, the eigenvector is the one nearest to x.
+//! The matrix is projected onto the orthogonalized vectors `x, M x, M^2 x, ...`, where it is tridiagonal.
+//! With equal entries in x the greatest eigenvalue is never missed: a non-negative matrix has an eigenvector
+//! of it without negative entries, whose angle to x has a cosine of at least `1 / sqrt n`. Each vector is
+//! orthogonalized against all before it, twice, to remove rounding errors; after n vectors the projection is
+//! the matrix itself. If the greatest eigenvalue is a multiple one, the eigenvector is the one nearest to x.
 //!
-//! Cost O(n^2) per vector, of which there are some tens, or up to n where the second eigenvalue is very near. Memory `8 n^2`
-//! bytes, and `8 n` per vector.
+//! Cost O(n^2) per vector. Tens of vectors suffice; up to n are needed if the second eigenvalue is very
+//! close. Memory `8 n^2` bytes, and `8 n` per vector.
 
 use rayon::prelude::*;
 
@@ -18,13 +18,13 @@ use crate::execution::Execution;
 use crate::memory;
 use crate::simd::sums::dot;
 
-/// Entries that are worked on by one thread at a time.
+/// Entries per task.
 const PART: usize = 1024;
 
-/// Passes of making a vector orthogonal to others: a second one takes out what rounding leaves of the first.
+/// Passes of orthogonalization: a second one removes the rounding errors of the first.
 const PASSES: usize = 2;
 
-/// The matrix, row after row, and the power of two that it is multiplied with so that no square over- or underflows.
+/// The matrix by rows, and the power of two that it is scaled by so that no square over- or underflows.
 pub struct Dense {
     entries: Vec<f64>,
     size: usize,
@@ -32,12 +32,12 @@ pub struct Dense {
 }
 
 impl Dense {
-    /// Bytes that a matrix of that size and as many vectors take.
+    /// Bytes of a matrix of that size and as many vectors.
     pub fn bytes(size: usize) -> usize {
         size.saturating_mul(size).saturating_mul(2 * size_of::<f64>())
     }
 
-    /// The same entries.
+    /// Copies the entries of a matrix.
     ///
     /// # Errors
     /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
@@ -70,7 +70,7 @@ impl Dense {
             let length = dot(&next, &next).sqrt();
             let value = projected.greatest_eigenvalue();
             let weights = projected.eigenvector(value)?;
-            // What the eigenvector of the projection leaves of `M v - value v`.
+            // Residual of `M v - value v` for the eigenvector of the projection.
             let residual = length * weights[weights.len() - 1];
             execution.report(basis.len(), self.size)?;
             if residual <= f64::EPSILON * value || basis.len() == self.size {
@@ -88,12 +88,12 @@ impl Dense {
     }
 }
 
-/// The power of two that brings a positive number to about 1, as far as one power does.
+/// The power of two that scales a positive number to about 1, as far as one power can.
 pub(super) fn scale_to_one(greatest: f64) -> f64 {
     (-greatest.log2().round()).clamp(-1000.0, 1000.0).exp2()
 }
 
-/// Takes out of a vector what it has of the directions of others.
+/// Removes from a vector its components along others.
 fn make_orthogonal(vector: &mut [f64], basis: &[Vec<f64>], execution: &Execution) -> Result<()> {
     for _ in 0..PASSES {
         let share = |direction: &Vec<f64>| execution.check().map(|()| dot(direction, vector));
@@ -103,7 +103,7 @@ fn make_orthogonal(vector: &mut [f64], basis: &[Vec<f64>], execution: &Execution
     Ok(())
 }
 
-/// The sum of the vectors, each so many times.
+/// The weighted sum of the vectors.
 fn combine(basis: &[Vec<f64>], weights: &[f64]) -> Result<Vec<f64>> {
     let mut sum = memory::filled(0.0, basis.first().map_or(0, Vec::len))?;
     add_multiples(&mut sum, basis, |k| weights[k]);
@@ -122,7 +122,7 @@ fn add_multiples(vector: &mut [f64], basis: &[Vec<f64>], factor: impl Fn(usize) 
     });
 }
 
-/// An entry that is 0 but for rounding may be below it.
+/// Replaces entries that are negative by rounding with 0.
 fn non_negative(mut vector: Vec<f64>) -> Vec<f64> {
     vector.iter_mut().for_each(|entry| *entry = entry.max(0.0));
     vector
@@ -159,7 +159,7 @@ mod tests {
 
     #[test]
     fn of_a_multiple_eigenvalue_the_vector_nearest_to_equal_entries() -> Result<()> {
-        // Three blocks of four that are joined, one by one: each has the eigenvalue 3.
+        // Three fully connected blocks of four: each has the eigenvalue 3.
         let blocks = dense(12, |i, j| f64::from(u8::from(i / 4 == j / 4 && i != j)));
         let (value, vector) = eigenpair(&blocks)?;
         assert!((value - 3.0).abs() < 1e-14);
@@ -169,7 +169,7 @@ mod tests {
 
     #[test]
     fn eigenvalues_that_are_near_each_other_are_told_apart() -> Result<()> {
-        // Two blocks, the second heavier by a part in 1e8.
+        // Two blocks, the second heavier by 1e-8.
         let matrix = dense(60, |i, j| match (i < 30, j < 30) {
             (true, true) => 1.0,
             (false, false) => 1.0 + 1e-8,

@@ -1,4 +1,4 @@
-//! What several methods select correspondences with: a threshold, the best of them, an eigenvector.
+//! Selection of correspondences by several methods: a threshold, the best k, an eigenvector.
 
 pub mod eigenvector;
 mod lanczos;

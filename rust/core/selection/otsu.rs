@@ -1,26 +1,26 @@
-//! Otsu's threshold on continuous scores: the cut that separates two classes best.
+//! Otsu's threshold on continuous scores: maximizes the separation of two classes.
 //!
-//! N. Otsu, *A threshold selection method from gray-level histograms*, 1979; the paper, section 3,
-//! where SS, SI, CV and GTM "adaptively" choose their threshold with it.
+//! N. Otsu, *A threshold selection method from gray-level histograms*, 1979; the paper, section 3, where SS,
+//! SI, CV and GTM "adaptively" choose their threshold with it.
 
 use crate::error::Result;
 use crate::memory;
 use crate::options::{Kind, OptionType, Value, words};
 
-/// Bins of the paper's own routine.
+/// Number of bins of the paper's own routine.
 pub const DEFAULT_BINS: usize = 100;
 
-/// More bins separate no more scores.
+/// Upper bound of the number of bins; more do not separate more scores.
 pub const MAX_BINS: u64 = 1_000_000;
 
-/// Scores whose spread is below this share of their magnitude are all equal.
+/// Scores are equal if their spread is below this share of their magnitude.
 const EQUAL_SCORES: f64 = 1e-9;
 
-/// A split must be better by this share to replace an earlier one.
+/// Least relative improvement of a split over an earlier one.
 const STRICTLY_BETTER: f64 = 1e-12;
 
 words! {
-    /// How the candidate cuts are laid out.
+    /// Candidate thresholds.
     pub enum OtsuMode {
         /// Equal bins between the least and the greatest score; class means from the scores themselves.
         MinMax = Value::Word("minmax"),
@@ -33,7 +33,7 @@ words! {
     }
 }
 
-/// Where scores are cut.
+/// A threshold of scores.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Threshold {
     /// By Otsu's method.
@@ -67,12 +67,13 @@ impl OptionType for Threshold {
 pub struct Cut {
     /// Scores above the threshold.
     pub mask: Vec<bool>,
-    /// The threshold; none where all scores are equal and there is nothing to cut.
+    /// The threshold; `None` if all scores are equal, so that no threshold exists.
     pub threshold: Option<f64>,
 }
 
 impl Threshold {
-    /// Selects the scores above the threshold; Otsu's is laid out by a mode, in the default number of bins. Scores of minus infinity are never selected.
+    /// Selects the scores above the threshold; Otsu's uses a mode and the default number of bins. Scores of
+    /// minus infinity are never selected.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
@@ -146,9 +147,9 @@ fn separation(lower: Class, upper: Class) -> f64 {
     lower.count as f64 * upper.count as f64 * (lower.mean() - upper.mean()).powi(2)
 }
 
-/// The split of ordered classes with the greatest separation: the first of equals.
+/// The split of ordered classes with the greatest separation, the first of equals.
 fn best_split(classes: &[Class]) -> Result<Option<(usize, Class, Class)>> {
-    // Suffix sums keep the upper class exact where a subtraction would lose digits.
+    // Suffix sums keep the upper class exact; a subtraction would lose digits.
     let mut upper = memory::filled(Class::EMPTY, classes.len() + 1)?;
     for k in (0..classes.len()).rev() {
         upper[k] = upper[k + 1].union(classes[k]);

@@ -4,23 +4,24 @@ use crate::error::Result;
 use crate::memory;
 use crate::simd::sums::dot;
 
-/// Solutions that the eigenvector is found by: the first has most of its digits, unless the second eigenvalue is as near as
-/// rounding lets it be.
+/// Solutions of inverse iteration: the first has most of the eigenvector's digits, unless the second
+/// eigenvalue is equal up to rounding.
 const SOLUTIONS: usize = 4;
 
-/// A matrix T, with nowhere negative numbers beside its diagonal and an eigenvalue greater than 0.
+/// A matrix T without negative off-diagonal entries and with an eigenvalue greater than 0.
 #[derive(Debug, Default)]
 pub struct Tridiagonal {
     /// The diagonal.
     pub diagonal: Vec<f64>,
-    /// What stands beside each but the last of these.
+    /// The off-diagonal, one entry fewer.
     pub beside: Vec<f64>,
 }
 
 impl Tridiagonal {
-    /// The least number that is greater than all eigenvalues, as far as rounding tells.
+    /// The least number that is greater than all eigenvalues, up to rounding.
     ///
-    /// By bisection: `s - T` is positive definite for such an s alone, and none is below an entry of the diagonal.
+    /// By bisection: `s - T` is positive definite if and only if s exceeds all eigenvalues, and no such s is
+    /// below an entry of the diagonal.
     pub fn greatest_eigenvalue(&self) -> f64 {
         let greatest_entry = self.diagonal.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let (mut low, mut high) = (greatest_entry, self.bound());
@@ -36,10 +37,10 @@ impl Tridiagonal {
         }
     }
 
-    /// The unit eigenvector of what [`Self::greatest_eigenvalue`] returned, nowhere negative.
+    /// The unit eigenvector of the result of [`Self::greatest_eigenvalue`], without negative entries.
     ///
-    /// By inverse iteration: as `s - T` is positive definite and nowhere positive beside its diagonal, it needs no pivots and
-    /// loses no digits.
+    /// By inverse iteration: `s - T` is positive definite without positive off-diagonal entries, so it needs
+    /// no pivoting and loses no digits.
     ///
     /// # Errors
     /// [`crate::Error::OutOfMemory`].
@@ -56,7 +57,7 @@ impl Tridiagonal {
         Ok(vector)
     }
 
-    /// No eigenvalue is greater than the greatest sum of a row.
+    /// Upper bound of the eigenvalues: the greatest row sum.
     fn bound(&self) -> f64 {
         let beside = |i: usize| self.beside.get(i).copied().unwrap_or_default();
         let sums = (0..self.diagonal.len())
@@ -64,12 +65,12 @@ impl Tridiagonal {
         sums.fold(f64::NEG_INFINITY, f64::max)
     }
 
-    /// Whether an eigenvalue is no less.
+    /// Whether an eigenvalue is at least `least`.
     fn has_one_from(&self, least: f64) -> bool {
         self.pivots(least).any(|pivot| pivot <= 0.0)
     }
 
-    /// Of the elimination of `shift - T`.
+    /// Pivots of the elimination of `shift - T`.
     fn pivots(&self, shift: f64) -> impl Iterator<Item = f64> + '_ {
         let before = std::iter::once(0.0).chain(self.beside.iter().copied());
         self.diagonal.iter().zip(before).scan(1.0, move |last, (&entry, beside)| {
@@ -78,7 +79,7 @@ impl Tridiagonal {
         })
     }
 
-    /// Puts the solution of `(s - T) x = b` in the place of b.
+    /// Solves `(s - T) x = b` in place.
     fn solve(&self, pivots: &[f64], b: &mut [f64]) {
         for (i, beside) in self.beside.iter().enumerate() {
             b[i + 1] += beside / pivots[i] * b[i];

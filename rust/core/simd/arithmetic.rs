@@ -1,19 +1,19 @@
-//! Elementary functions without branches or table look-ups, so that loops over them run on vector units.
+//! Elementary functions without branches or table lookups, which the compiler vectorizes.
 //!
-//! All is plain Rust that the compiler vectorises. The [`Arithmetic`], which every kind of [`Lanes`](super::Lanes)
-//! is, says whether a product and a sum are rounded once or twice.
+//! All functions are plain Rust. The [`Arithmetic`], which every kind of [`Lanes`](super::Lanes) implements,
+//! determines whether a product and a sum are rounded once or twice.
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 
 use std::f64::consts::LOG2_E;
 
-/// `a b + c` as an instruction set does it fast.
+/// `a b + c` in the fastest form of an instruction set.
 pub trait Arithmetic: Copy {
     /// `a b + c`.
     fn multiply_add(self, a: f64, b: f64, c: f64) -> f64;
 }
 
-/// Product and sum rounded one after the other: the same on every machine.
+/// Product and sum are rounded separately: the same on every machine.
 #[derive(Debug, Clone, Copy)]
 pub struct Separate;
 
@@ -24,13 +24,13 @@ impl Arithmetic for Separate {
     }
 }
 
-/// The power of this exponent, and of any lower one, rounds to 0.
+/// The exponential of this exponent, and of any lower one, rounds to 0.
 const LEAST_EXPONENT: f64 = -746.0;
 
-/// Powers of two are made in two steps, of which this is the second: 2^-1076 is no number.
+/// Powers of two are formed in two steps, of which this is the second: 2^-1076 is not representable.
 const SECOND_STEP: f64 = 1.0 / ((1_u64 << 60) as f64);
 
-/// 1.5 * 2^52: adding it rounds to a whole number, which then stands in the last bits.
+/// 1.5 * 2^52: adding it rounds to an integer, which is then in the last bits.
 const ROUNDER: f64 = 6_755_399_441_055_744.0;
 
 /// ln 2 in two parts; products of the first with whole numbers up to 2^20 are exact.
@@ -80,7 +80,7 @@ mod tests {
     use super::super::lanes::Lanes;
     use super::*;
 
-    /// The powers of many exponents, as a loop that is vectorised.
+    /// The exponentials of many exponents, as a vectorized loop.
     #[derive(Clone, Copy)]
     struct Powers<'a>(&'a [f64]);
 
@@ -111,7 +111,7 @@ mod tests {
             f64::NEG_INFINITY,
         ]);
         for k in 0..=2000 {
-            let half = -0.5 * f64::from(k) * std::f64::consts::LN_2; // where k changes
+            let half = -0.5 * f64::from(k) * std::f64::consts::LN_2; // k changes here
             exponents.extend([half, half.next_up().min(0.0), half.next_down()]);
         }
         exponents.extend([LEAST_EXPONENT, LEAST_EXPONENT.next_up(), LEAST_EXPONENT.next_down()]);

@@ -11,18 +11,18 @@ use super::avx512::Avx512;
 use super::lanes::Lanes;
 use super::portable::Portable;
 
-/// An inner loop that is compiled once for every instruction set. A closure is one: plain loops, which the
-/// compiler turns into vector code. Where it does not, or where a fused product matters, a struct is one
-/// that works with the [`Lanes`] it is given.
+/// An inner loop that is compiled once for every instruction set. A closure implements it: plain loops that
+/// the compiler vectorizes. If it does not, or if a fused product matters, a struct implements it with the
+/// [`Lanes`] that it is given.
 pub trait Kernel {
-    /// What it results in.
+    /// Its result.
     type Output;
-    /// Does the work. Has to be `#[inline(always)]`, and so has every closure and function in it: what is
-    /// not inlined is compiled for the baseline.
+    /// Runs the kernel. It and every closure and function in it must be `#[inline(always)]`: code that is not
+    /// inlined is compiled for the baseline.
     fn run<L: Lanes>(self, lanes: L) -> Self::Output;
 }
 
-/// Not of `FnOnce`: calling a closure that only borrows as one goes through a function that is not inlined.
+/// Not for `FnOnce`: calling a borrowing closure through it uses a function that is not inlined.
 impl<R, F: FnMut() -> R> Kernel for F {
     type Output = R;
 
@@ -32,7 +32,7 @@ impl<R, F: FnMut() -> R> Kernel for F {
     }
 }
 
-/// Runs the kernel with the best instructions of this machine.
+/// Runs the kernel with the best instruction set of this machine.
 #[inline(always)]
 pub fn run<K: Kernel>(kernel: K) -> K::Output {
     match Arch::new() {
@@ -50,7 +50,7 @@ pub fn run<K: Kernel>(kernel: K) -> K::Output {
     }
 }
 
-/// The results of a kernel in every instruction set that this machine has; first that of plain arrays.
+/// The results of a kernel in every instruction set of this machine; first that of plain arrays.
 #[cfg(test)]
 pub fn run_on_each<K: Kernel + Copy>(kernel: K) -> Vec<K::Output> {
     let mut results = vec![kernel.run(Portable)];

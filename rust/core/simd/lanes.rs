@@ -1,4 +1,4 @@
-//! Groups of numbers in registers, eight in f64 or sixteen in f32, and what can be done with them.
+//! Groups of numbers in registers, eight in f64 or sixteen in f32, and their operations.
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 
@@ -10,30 +10,30 @@ pub const DOUBLES: usize = 8;
 /// Numbers in a group of f32, and of counts.
 pub const SINGLES: usize = 16;
 
-/// An instruction set. Its value proves that the machine has it, so that no operation here is `unsafe`.
+/// An instruction set. A value proves that the machine supports it, so no operation here is `unsafe`.
 pub trait Lanes: Arithmetic {
     /// [`DOUBLES`] numbers in f64.
     type Doubles: Copy;
-    /// The same number in every lane.
+    /// Broadcasts a number to every lane.
     fn splat_doubles(self, value: f64) -> Self::Doubles;
-    /// From memory.
+    /// Loads from memory.
     fn load_doubles(self, values: &[f64; DOUBLES]) -> Self::Doubles;
-    /// From memory, widened.
+    /// Loads from memory and widens.
     fn load_widened(self, values: &[f32; DOUBLES]) -> Self::Doubles;
-    /// To memory.
+    /// Stores to memory.
     fn store_doubles(self, group: Self::Doubles, values: &mut [f64; DOUBLES]);
-    /// `a b + c`, rounded once where the registers' instructions do.
+    /// `a b + c`, rounded once if the instruction set fuses it.
     fn multiply_add_doubles(self, a: Self::Doubles, b: Self::Doubles, c: Self::Doubles) -> Self::Doubles;
 
     /// [`SINGLES`] numbers in f32.
     type Singles: Copy;
-    /// The same number in every lane.
+    /// Broadcasts a number to every lane.
     fn splat_singles(self, value: f32) -> Self::Singles;
-    /// From memory.
+    /// Loads from memory.
     fn load_singles(self, values: &[f32; SINGLES]) -> Self::Singles;
-    /// From memory, converted.
+    /// Loads from memory and converts.
     fn load_u16(self, values: &[u16; SINGLES]) -> Self::Singles;
-    /// To memory.
+    /// Stores to memory.
     fn store_singles(self, group: Self::Singles, values: &mut [f32; SINGLES]);
     /// `a + b`.
     fn add_singles(self, a: Self::Singles, b: Self::Singles) -> Self::Singles;
@@ -41,9 +41,9 @@ pub trait Lanes: Arithmetic {
     fn subtract_singles(self, a: Self::Singles, b: Self::Singles) -> Self::Singles;
     /// `a b`.
     fn multiply_singles(self, a: Self::Singles, b: Self::Singles) -> Self::Singles;
-    /// `a b + c`, rounded once where the registers' instructions do.
+    /// `a b + c`, rounded once if the instruction set fuses it.
     fn multiply_add_singles(self, a: Self::Singles, b: Self::Singles, c: Self::Singles) -> Self::Singles;
-    /// The lesser of two; `b` where `a` is NaN.
+    /// The minimum of two; `b` if `a` is NaN.
     fn min_singles(self, a: Self::Singles, b: Self::Singles) -> Self::Singles;
     /// `|a|`.
     fn absolute_singles(self, a: Self::Singles) -> Self::Singles;
@@ -66,11 +66,11 @@ pub trait Lanes: Arithmetic {
 
     /// [`SINGLES`] counts.
     type Counts: Copy;
-    /// From memory.
+    /// Loads from memory.
     fn load_counts(self, values: &[u32; SINGLES]) -> Self::Counts;
-    /// To memory.
+    /// Stores to memory.
     fn store_counts(self, counts: Self::Counts, values: &mut [u32; SINGLES]);
-    /// 1 where `a < b`, else 0.
+    /// 1 if `a < b`, else 0.
     fn ones_where_below(self, a: Self::Singles, b: Self::Singles) -> Self::Counts;
     /// `a + b`.
     fn add_counts(self, a: Self::Counts, b: Self::Counts) -> Self::Counts;
@@ -81,7 +81,7 @@ mod tests {
     use super::super::dispatch::{Kernel, run_on_each};
     use super::*;
 
-    /// Every operation in f64 once.
+    /// Runs every operation in f64 once.
     #[derive(Clone, Copy)]
     struct EachDouble([f64; DOUBLES], [f32; DOUBLES]);
 
@@ -103,7 +103,7 @@ mod tests {
         }
     }
 
-    /// Every operation in f32, and on counts, once.
+    /// Runs every operation in f32, and on counts, once.
     #[derive(Clone, Copy)]
     struct EachSingle([f32; SINGLES], [f32; SINGLES], [u16; SINGLES]);
 

@@ -1,5 +1,5 @@
-//! Vector code, written in one way: a [`Kernel`] is compiled for every instruction set, and [`run`] takes the
-//! best that this machine has.
+//! Vector code written once: a [`Kernel`] is compiled for every instruction set, and [`run`] selects the best
+//! one of this machine.
 
 pub mod arithmetic;
 #[cfg(target_arch = "x86_64")]
@@ -16,7 +16,7 @@ pub use dispatch::run_on_each;
 pub use dispatch::{Kernel, run};
 pub use lanes::{DOUBLES, Lanes, SINGLES};
 
-/// A value that begins with a cache line, so that no group of numbers in it lies across two.
+/// A value aligned to a cache line, so that no group of numbers in it straddles two.
 #[derive(Debug, Clone, Copy)]
 #[repr(align(64))]
 pub struct Aligned<T>(pub T);

@@ -1,6 +1,7 @@
-//! Sums over a fixed number of lanes, in an order that no machine and no number of threads changes.
+//! Sums over a fixed number of lanes, in an order that depends on neither the machine nor the number of
+//! threads.
 
-/// Numbers that are summed side by side: enough for two AVX-512 registers.
+/// Numbers summed in parallel: enough for two AVX-512 registers.
 const LANES: usize = 16;
 
 /// Sum of the values.
@@ -29,7 +30,7 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     sum_lanes(sums)
 }
 
-/// Halves are added until one is left.
+/// Adds the halves until one number is left.
 fn sum_lanes(mut sums: [f64; LANES]) -> f64 {
     let mut width = LANES / 2;
     while width > 0 {

@@ -1,5 +1,5 @@
-//! The last refinement of a pose: samples of either surface on the planes of their own neighbourhoods, laid on the points
-//! of the other (point-to-plane in both directions; Chen and Medioni 1992).
+//! Final refinement of a pose: samples of each surface, with their local planes, are paired with points of
+//! the other surface (point-to-plane in both directions; Chen and Medioni 1992).
 
 use nalgebra::{Matrix6, Point3, Rotation3, UnitQuaternion, Vector3, Vector6};
 use rayon::prelude::*;
@@ -12,41 +12,42 @@ use crate::memory;
 use crate::verification::fine_surface::{FineSurface, REACH, Sample};
 use crate::verification::overlap::Resistance;
 
-/// Steps over which the reach shrinks, with so many samples of each surface at most, and the last reach in spacings.
+/// First steps, in which the reach shrinks; most samples per surface in them; reach of the last, in spacings.
 const FIRST_STEPS: usize = 5;
 const FIRST_SAMPLES: usize = 1_000;
 const LAST_REACH: f64 = 1.5;
-/// Most steps that follow, with all samples.
+/// Maximum number of further steps, with all samples.
 const LAST_STEPS: usize = 7;
-/// Pairs below which a pose stays as it is.
+/// With fewer pairs the pose is not changed.
 const LEAST_PAIRS: usize = 20;
-/// Tukey's constant: residuals beyond so many standard deviations don't count.
+/// Tukey's constant: residuals beyond this many standard deviations have no weight.
 const CUT: f64 = 4.685;
-/// Standard deviations per median absolute residual of a normal distribution.
+/// Standard deviation of a normal distribution per median absolute residual.
 const PER_MEDIAN: f64 = 1.4826;
-/// Least standard deviation, in spacings: of noise-free data.
+/// Lower bound of the standard deviation in spacings, for noise-free data.
 const LEAST_DEVIATION: f64 = 1e-3;
-/// Added to the diagonal, as a share of its greatest entry: motions that nothing resists are not made.
+/// Added to the diagonal, relative to its largest entry: suppresses motions that the surfaces do not
+/// constrain.
 const DAMPING: f64 = 1e-6;
-/// In spacings: a motion that moves no part of the surface farther ends the refinement.
+/// Largest displacement of the surface, in spacings, at which the refinement has converged.
 const STILL: f64 = 5e-3;
 
-/// A refined pose, and how closely the surfaces lie on each other.
+/// A refined pose and its residuals.
 #[derive(Debug, Clone)]
 pub struct Alignment {
     /// From the source's coordinates into the target's.
     pub pose: Rigid,
-    /// Distance of each paired sample from the plane that it is laid on.
+    /// Distance of each paired sample from its plane.
     pub residuals: Vec<f64>,
     /// Standard deviation of the points around each paired sample from its own plane.
     pub deviations: Vec<f64>,
     /// Number of samples of both surfaces, paired or not.
     pub samples: usize,
-    /// Which motions the surfaces resist.
+    /// Motions that the surfaces constrain.
     pub resistance: Resistance,
 }
 
-/// A sample laid on a point: coordinates relative to the target's mean, in spacings.
+/// A sample paired with a point: coordinates relative to the target's mean, in spacings.
 #[derive(Clone)]
 struct Pair {
     place: Vector3<f64>,
@@ -56,7 +57,7 @@ struct Pair {
     deviation: f64,
 }
 
-/// Refines a pose that is right to about a spacing or two, with at most so many samples of either surface.
+/// Refines a pose that is accurate to one or two spacings, with at most `samples` samples of each surface.
 ///
 /// # Errors
 /// [`Error::InvalidInput`] unless both surfaces have the same spacing; [`Error::Interrupted`], [`Error::OutOfMemory`].
@@ -96,8 +97,8 @@ pub fn align(
     })
 }
 
-/// Distance of the nearest point of the target from the plane of each sample of the source, which a pose moves; NaN where
-/// there is none within 3 spacings.
+/// Returns the distance of the target's nearest point from the plane of each source sample under the pose;
+/// NaN without a point within 3 spacings.
 ///
 /// # Errors
 /// As for [`align`].
@@ -127,7 +128,7 @@ fn check_spacings(source: &FineSurface, target: &FineSurface) -> Result<()> {
     Ok(())
 }
 
-/// A pose followed by a small motion: a rotation vector and a translation.
+/// Composes a pose with a small motion, given as a rotation vector and a translation.
 fn followed_by(pose: &Rigid, turn: Vector3<f64>, shift: Vector3<f64>) -> Rigid {
     let turn = Rotation3::new(turn).into_inner();
     Rigid { rotation: turn * pose.rotation, translation: turn * pose.translation + shift }
@@ -135,13 +136,12 @@ fn followed_by(pose: &Rigid, turn: Vector3<f64>, shift: Vector3<f64>) -> Rigid {
 
 fn nearest_rotation(pose: &Rigid) -> nalgebra::Matrix3<f64> {
     let rotation = Rotation3::from_matrix_unchecked(pose.rotation);
-    // Of a matrix in single precision, the quaternion is not quite of unit length.
+    // The quaternion of a matrix in single precision is not quite of unit length.
     let quaternion = UnitQuaternion::from_rotation_matrix(&rotation).into_inner();
     UnitQuaternion::new_normalize(quaternion).to_rotation_matrix().into_inner()
 }
 
-/// What was nearest to the samples of either surface when it was last searched for: a pose that moves little leaves most of
-/// it so.
+/// Cache of the nearest neighbours of each surface's samples: they rarely change when the pose moves little.
 struct Known {
     to_source: Vec<Nearest>,
     to_target: Vec<Nearest>,
@@ -154,7 +154,7 @@ impl Known {
         Ok(Self { to_source: nothing(source)?, to_target: nothing(target)? })
     }
 
-    /// Samples of both surfaces with a point of the other within `reach` spacings.
+    /// Pairs of samples and points within `reach` spacings, for the samples of both surfaces.
     fn pair(
         &mut self,
         source: &FineSurface,
@@ -189,8 +189,8 @@ impl Known {
     }
 }
 
-/// Vector to the point of a surface that is nearest to a place, if one is within `reach` spacings or so; what is known is
-/// brought up to date.
+/// Returns the vector to the nearest point of a surface, if there is one within about `reach` spacings;
+/// updates the cache.
 fn nearest(
     known: &mut Nearest,
     place: &Point3<f64>,
@@ -205,7 +205,8 @@ fn nearest(
     found.offset()
 }
 
-/// A sample with the place that it moves to, the one that it is to lie on, and the normal there; none beyond `reach`.
+/// Pair of a moved point with a fixed one and the plane's normal, weighted by the sample; `None` beyond
+/// `reach`.
 fn as_pair(
     sample: &Sample,
     (moved, fixed, normal): (Point3<f64>, Point3<f64>, Vector3<f64>),
@@ -231,7 +232,7 @@ struct Equations {
     pairs: usize,
 }
 
-/// Pairs within reach, weighted by their distance, and by Tukey's function of their residual.
+/// Sums the pairs within reach, weighted by their distance and by Tukey's function of their residual.
 fn equations(pairs: &[Pair], reach: f64) -> Result<Equations> {
     let square = reach * reach;
     let near = || pairs.iter().filter(|pair| pair.squared_distance < square);
@@ -252,7 +253,7 @@ fn equations(pairs: &[Pair], reach: f64) -> Result<Equations> {
     Ok(sums)
 }
 
-/// Of the residuals, from their median.
+/// Robust standard deviation of the residuals, from their median.
 fn standard_deviation<'a>(pairs: impl Iterator<Item = &'a Pair>) -> Result<f64> {
     let mut sizes = memory::collect(pairs.map(|pair| pair.residual.abs()))?;
     let middle = sizes.len() / 2;
@@ -304,7 +305,7 @@ mod tests {
         let (source, target) = (surface(&rows)?, surface(&moved(&rows, &away))?);
         let found =
             align(&source, &target, &motion(Vector3::zeros(), Vector3::zeros()), usize::MAX, &execution)?;
-        // The turned cloud falls into other voxels: the planes agree to a part of the noise.
+        // The rotated cloud falls into other voxels: the planes agree to a fraction of the noise.
         assert!((found.pose.rotation - away.rotation).amax() < 2e-3);
         assert!((found.pose.translation - away.translation).amax() < 0.05);
         assert!(found.resistance.open_motion.is_none());

@@ -1,4 +1,4 @@
-//! A surface in detail: a cloud thinned out only a little, which the last refinement lies on another.
+//! A finely sampled surface: a slightly downsampled cloud for the final refinement.
 
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
@@ -13,32 +13,33 @@ use crate::memory;
 use crate::points::Points;
 use crate::verification::sampling;
 
-/// Distance up to which the nearest point is looked for, in spacings.
+/// Radius of the nearest-neighbour search, in spacings.
 pub(super) const REACH: f64 = 3.0;
 /// Radius of the planes fitted around samples, in spacings.
 const PLANE_RADIUS: f64 = 2.4;
-/// Points that a plane needs.
+/// Fewest points of a plane.
 const LEAST_POINTS: usize = 6;
-/// Variance of the points of a plane across its longer axis, as a share of that along it: less is one line of a scan, whose
-/// plane is open.
+/// Least variance of a plane's points across their longer axis, relative to that along it. Points with less
+/// lie on one scan line and do not determine a plane.
 const LEAST_WIDTH: f64 = 0.01;
-/// Share of the places that have a plane, below which the few may all lie in one corner.
+/// Least share of sampled points with a plane; fewer may all lie in one corner.
 const LEAST_SHARE: f64 = 0.1;
-/// Places that planes are fitted at, and those of them that are kept.
+/// Number of sampled points that planes are fitted at, and number of samples kept.
 const PLANES: usize = 5_000;
 const SAMPLES: usize = 3_000;
 
-/// A place on a surface with the plane of the points around it.
+/// A point on a surface with the plane of its neighbours.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Sample {
     pub point: Point3<f64>,
     pub normal: Vector3<f64>,
-    /// Standard deviation of the points around from the plane, which took three degrees of freedom: noise and curvature.
+    /// Standard deviation of the neighbours from the plane, with three degrees of freedom removed: noise and
+    /// curvature.
     pub deviation: f64,
 }
 
-/// Points of a surface about evenly spread, ready for the nearest of any place, and samples of it. Coordinates are relative
-/// to the points' mean.
+/// Evenly spread points of a surface with a search for nearest neighbours, and samples of them. Coordinates
+/// are relative to the points' mean.
 #[derive(Debug)]
 pub struct FineSurface {
     spacing: f64,
@@ -51,11 +52,11 @@ pub struct FineSurface {
 }
 
 impl FineSurface {
-    /// Thins out a cloud to voxels of size `spacing`.
+    /// Downsamples a cloud to voxels of size `spacing`.
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] for a spacing that is not positive or so small that voxels can't be numbered, or so large or
-    /// small that few places have a plane; [`Error::Interrupted`], [`Error::OutOfMemory`].
+    /// [`Error::InvalidInput`] if the spacing is not positive, is too small to number the voxels, or leaves
+    /// too few points with a plane; [`Error::Interrupted`], [`Error::OutOfMemory`].
     pub fn new(cloud: &Points, spacing: f64, execution: &Execution) -> Result<Self> {
         let spacing = positive("spacing", spacing)?;
         let (frame, cloud) = OwnFrame::of(cloud)?;
@@ -73,12 +74,12 @@ impl FineSurface {
         self.points.len()
     }
 
-    /// Whether there are no points; never so.
+    /// Always false: a surface has points.
     pub fn is_empty(&self) -> bool {
         self.points.is_empty()
     }
 
-    /// Distance between points, about.
+    /// Approximate distance between points.
     pub fn spacing(&self) -> f64 {
         self.spacing
     }
@@ -88,7 +89,7 @@ impl FineSurface {
         &self.frame
     }
 
-    /// Where the samples lie, in the coordinates of the data.
+    /// Positions of the samples, in the coordinates of the data.
     pub fn sample_points(&self) -> impl ExactSizeIterator<Item = [f64; 3]> {
         self.samples.iter().map(|sample| self.frame.in_data(&sample.point.coords).into())
     }
@@ -103,7 +104,7 @@ impl FineSurface {
         self.radius
     }
 
-    /// A search for points within [`REACH`] spacings.
+    /// Search for points within [`REACH`] spacings.
     pub(super) fn search(&self) -> &BallSearch {
         &self.search
     }
@@ -114,7 +115,7 @@ fn root_mean_square(samples: &[Sample]) -> f64 {
     (squares / samples.len() as f64).sqrt()
 }
 
-/// Places spread over the surface, drawn against the frequency of their normals.
+/// Samples the surface, with weights that fall with the frequency of the normals.
 fn sample(points: &Points, around: &BallSearch, spacing: f64, execution: &Execution) -> Result<Vec<Sample>> {
     let step = points.len().div_ceil(PLANES).max(1);
     let rows = memory::collect((0..points.len()).step_by(step))?;
@@ -145,7 +146,7 @@ fn plane(point: Point3<f64>, ball: &Ball) -> Option<Sample> {
         return None;
     }
     let normal = axes.vectors[0];
-    // The plane's own foot below the point: samples lie on the surface, not on its noise.
+    // The foot of the perpendicular on the plane: samples lie on the surface, without its noise.
     let foot = point + normal * mean.dot(&normal);
     let count = ball.len() as f64;
     Some(Sample { point: foot, normal, deviation: (low.max(0.0) * count / (count - 3.0)).sqrt() })

@@ -1,4 +1,4 @@
-//! Points with normals in groups, coordinate by coordinate, so that many are computed at once.
+//! Points with normals in groups, stored by coordinate for SIMD.
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 
@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 
 use crate::verification::pose::Pose;
 
-/// A point and its unit normal (zero where there is none).
+/// A point and its unit normal (zero if it has none).
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Element {
     pub point: Vector3<f32>,
@@ -19,7 +19,7 @@ pub(super) const LANES: usize = 16;
 /// x, y and z of the vectors of a group.
 pub(super) type Coordinates = [[f32; LANES]; 3];
 
-/// Points and their normals; what is left of the last group is zero.
+/// Points and their normals; unused lanes of the last group are zero.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Group {
     pub point: Coordinates,
@@ -27,7 +27,7 @@ pub(super) struct Group {
 }
 
 impl Group {
-    /// Of up to [`LANES`] elements.
+    /// Group of up to [`LANES`] elements.
     pub fn of(elements: &[Element]) -> Self {
         let mut group = Self::default();
         elements.iter().enumerate().for_each(|(lane, element)| group.set(lane, element));
@@ -42,7 +42,7 @@ impl Group {
         }
     }
 
-    /// The group carried along by a pose.
+    /// The group transformed by a pose.
     #[inline(always)]
     pub fn moved(&self, pose: &Pose) -> Self {
         let (r, t) = (&pose.rotation, &pose.translation);
@@ -59,14 +59,14 @@ impl Group {
         moved
     }
 
-    /// Cosine between the normals of this group and of another; if their sides are unknown, its magnitude.
+    /// Cosine between the normals of two groups; its magnitude if the normals' sides are unknown.
     #[inline(always)]
     pub fn cosine(&self, other: &Self, oriented: bool, lane: usize) -> f32 {
         let cosine = dot(&self.normal, &other.normal, lane);
         if oriented { cosine } else { cosine.abs() }
     }
 
-    /// From the points of another group to those of this one.
+    /// Offset from the points of another group to those of this one.
     #[inline(always)]
     pub fn offset(&self, other: &Self, lane: usize) -> [f32; 3] {
         [0, 1, 2].map(|k| self.point[k][lane] - other.point[k][lane])

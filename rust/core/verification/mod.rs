@@ -1,14 +1,15 @@
-//! Judges poses by the surfaces of both clouds.
+//! Scores and refines poses by the surfaces of both clouds.
 //!
-//! Matches alone say little about two scans that overlap by a third: a wrong pose gathers as many of them by chance. Laying one
-//! surface on the other says far more. Both surfaces' samples are moved onto the other one. A sample x that finds
-//! a point y with normal m near by, with `e^2 = ((x - y) . m)^2 + 0.15 |x - y|^2`, agrees by `1 - e^2 / tolerance^2` if
-//! their normals do; one that finds none, but lies before what the scanner saw, disagrees by 1, and one before its
-//! background, facing the scanner, by 0.3. The score is the sum of both surfaces' means.
+//! Matches alone are weak evidence for two scans that overlap by a third: wrong poses gather as many by
+//! chance. The surfaces are stronger evidence. Samples of each surface are moved onto the other. A sample x
+//! with a near point y of normal m has the distance `e^2 = ((x - y) . m)^2 + 0.15 |x - y|^2`; it adds `1 -
+//! e^2 / tolerance^2` if the normals agree. A sample without a near point subtracts 1 in front of the surface
+//! that the scanner observed, and 0.3 if it faces the scanner in front of background, where the scanner
+//! observed nothing. The score is the sum of both surfaces' means.
 //!
-//! [`verify`] scores all poses coarsely, refines the best by point-to-plane steps, and scores those again, twice. All lengths are
-//! in units of some 0.4 of the distance between points. Cost: two looks into a grid per pose and sample; memory of a surface:
-//! a few hundred bytes per point.
+//! [`verify`] scores all poses coarsely, refines the best by point-to-plane steps, and scores those again,
+//! twice. All lengths are in units of about 0.4 of the distance between points. Cost: two grid lookups per
+//! pose and sample; memory of a surface: a few hundred bytes per point.
 
 pub mod alignment;
 pub mod fine_surface;

@@ -1,9 +1,9 @@
-//! The nearest point of a surface, found by one look into a grid.
+//! Nearest point of a surface by one grid lookup.
 //!
-//! Each cell names the point nearest to its centre. Within a cell of size c another point may be nearer to the place
-//! asked for, by less than `c sqrt(3)`; both lie on the surface, and the distance to its plane hardly differs.
-//! Blocks of 8 x 8 x 8 cells exist only near points, so that memory grows with the surface and not with
-//! the box around it, and are filled when they are first looked into.
+//! Each cell stores the point nearest to its centre. Within a cell of size c another point may be nearer to
+//! the query by less than `c sqrt(3)`; both lie on the surface, and their distances to its plane hardly
+//! differ. Blocks of 8 x 8 x 8 cells exist only near points, so memory grows with the surface and not with
+//! its bounding box. A block is filled at its first lookup.
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 #![expect(clippy::needless_bitwise_bool, reason = "without branches all lanes are computed at once")]
@@ -22,21 +22,21 @@ use crate::verification::group::{Coordinates, LANES};
 /// Cells along an edge of a block.
 const EDGE: usize = 8;
 const CELLS: usize = EDGE * EDGE * EDGE;
-/// Cells along an edge of the parts in which a block is filled.
+/// Cells along an edge of the parts that a block is filled by.
 const PART: usize = 4;
-/// Distance, in cells, from the middle of a part within which the centres of all its cells lie: `1.5 sqrt(3)` and room
-/// for rounding.
+/// Radius, in cells, of a ball around the middle of a part that holds the centres of all its cells: `1.5
+/// sqrt(3)` and room for rounding.
 const PART_RADIUS: f32 = 3.0;
 
-/// Blocks along an axis of the box: in `f32` places are then known to a sixteenth of a cell.
+/// Most blocks along an axis of the box: `f32` then resolves positions to a sixteenth of a cell.
 const MOST_BLOCKS_ALONG: f64 = (1 << 17) as f64;
-/// Blocks of the box: 64 MiB of pages.
+/// Most blocks of the box: 64 MiB of pages.
 const MOST_BLOCKS_IN_BOX: f64 = (1 << 30) as f64;
-/// Entries of a page of the table of blocks.
+/// Entries per page of the table of blocks.
 const PAGE: usize = 64;
-/// Points between two looks for an interruption.
+/// Points between two checks for an interruption.
 const STRETCH: usize = 1 << 16;
-/// Blocks that exist: 512 MiB once all are filled.
+/// Most blocks that exist: 512 MiB once all are filled.
 const MOST_BLOCKS: usize = 1 << 18;
 
 /// No point.
@@ -44,7 +44,7 @@ pub(super) const NONE: u32 = u32::MAX;
 /// No cell.
 const OUTSIDE: u32 = u32::MAX;
 
-/// The error of a block that the system gave no memory for.
+/// The error for a block whose memory the system refused.
 pub(super) fn refused() -> Error {
     Error::OutOfMemory { bytes: size_of::<[u32; CELLS]>() }
 }
@@ -59,19 +59,19 @@ pub(super) struct NearestGrid {
     reach: f32,
     /// Blocks along each axis.
     size: [usize; 3],
-    /// One more than the number of each block of the box, 0 where it does not exist.
+    /// Number of each block of the box plus one; 0 if it does not exist.
     blocks: Table,
-    /// Where the points of each block begin among the members, and at last their number.
+    /// Start of each block's points among the members, then the number of members.
     starts: Vec<u32>,
-    /// The points, block after block.
+    /// The points, sorted by block.
     members: Vec<Member>,
     /// Nearest point of each cell of a block.
     nearest: Vec<OnceLock<Box<[u32; CELLS]>>>,
-    /// Blocks that could not be filled for want of memory.
+    /// Number of blocks that could not be filled because memory was refused.
     refusals: AtomicUsize,
 }
 
-/// A number for each block of a box, in pages: only those near points exist, all others share the first, of zeros.
+/// A number for each block of a box, in pages: pages near points exist, all others share the first, of zeros.
 #[derive(Debug)]
 struct Table {
     pages: Vec<u32>,
@@ -99,12 +99,12 @@ impl Table {
 }
 
 impl NearestGrid {
-    /// Cells of a size, each with the nearest of the points closer to its centre than `reach`, ties to the lower index.
-    /// The reach must not exceed 8 cells.
+    /// Builds a grid with cells of a given size, each with the nearest of the points within `reach` of its
+    /// centre, ties to the lower index. The reach must not exceed 8 cells.
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] where the points lie too far apart for cells that small; [`Error::Interrupted`],
-    /// [`Error::OutOfMemory`].
+    /// [`Error::InvalidInput`] if the points lie too far apart for cells of this size;
+    /// [`Error::Interrupted`], [`Error::OutOfMemory`].
     pub fn new(points: &[Vector3<f32>], (cell, reach): (f32, f32), execution: &Execution) -> Result<Self> {
         let mut grid = Self::around(points, cell, reach)?;
         let count = grid.number_blocks(points, execution)?;
@@ -113,7 +113,7 @@ impl NearestGrid {
         Ok(grid)
     }
 
-    /// An empty grid whose box holds all points and their reach.
+    /// Empty grid whose box holds all points and their reach.
     fn around(points: &[Vector3<f32>], cell: f32, reach: f32) -> Result<Self> {
         let (low, high) = points
             .iter()
@@ -142,7 +142,7 @@ impl NearestGrid {
         })
     }
 
-    /// Numbers the blocks that the ball around any point may reach; returns how many they are.
+    /// Numbers the blocks that intersect the ball around any point; returns their count.
     fn number_blocks(&mut self, points: &[Vector3<f32>], execution: &Execution) -> Result<usize> {
         let mut count = 0;
         for (i, point) in points.iter().enumerate() {
@@ -201,12 +201,12 @@ impl NearestGrid {
         (z * self.size[1] + y) * self.size[0] + x
     }
 
-    /// Blocks that the system gave no memory for so far: what was found in the meantime may be wrong.
+    /// Number of blocks whose memory was refused so far; results since then may be wrong.
     pub fn refusals(&self) -> usize {
         self.refusals.load(Ordering::Relaxed)
     }
 
-    /// The nearest points of a block, which is filled if it is looked into for the first time; `None` without memory.
+    /// Nearest points of a block, which is filled at its first lookup; `None` if memory was refused.
     #[inline(always)]
     fn block(&self, number: usize, at: usize) -> Option<&[u32; CELLS]> {
         let slot = &self.nearest[number - 1];
@@ -215,7 +215,7 @@ impl NearestGrid {
 
     #[cold]
     fn fill_slot<'a>(&self, slot: &'a OnceLock<Box<[u32; CELLS]>>, at: usize) -> Option<&'a [u32; CELLS]> {
-        // Two threads may fill it at a time, with the same numbers.
+        // Two threads may fill it at the same time, with the same numbers.
         let filled = self.fill(at);
         if filled.is_err() {
             self.refusals.fetch_add(1, Ordering::Relaxed);
@@ -223,7 +223,7 @@ impl NearestGrid {
         filled.ok().map(|filled| &**slot.get_or_init(|| filled))
     }
 
-    /// The nearest point of every cell of the block at a place in the table.
+    /// Nearest point of every cell of the block at a place in the table.
     fn fill(&self, at: usize) -> Result<Box<[u32; CELLS]>> {
         let corner =
             [at % self.size[0], at / self.size[0] % self.size[1], at / (self.size[0] * self.size[1])];
@@ -241,7 +241,7 @@ impl NearestGrid {
         Ok(cells)
     }
 
-    /// The points of a block and of those around it.
+    /// Points of a block and of its neighbours.
     fn members_around(&self, corner: [usize; 3]) -> Result<Vec<Member>> {
         let [x, y, z] =
             [0, 1, 2].map(|k| corner[k].saturating_sub(1)..=(corner[k] + 1).min(self.size[k] - 1));
@@ -255,14 +255,15 @@ impl NearestGrid {
         memory::collect(members.copied())
     }
 
-    /// The nearest of the members to the centre of every cell of a part, whose first cell is given.
+    /// Nearest member to the centre of every cell of a part, given the part's first cell.
     fn fill_part(&self, first: [usize; 3], members: &[Member]) -> [u32; PART * PART * PART] {
         let cell = self.cells_per_length.recip();
         let center = |k: usize, i: usize| self.low[k] + ((first[k] + i) as f32 + 0.5) / self.cells_per_length;
         let middle = Vector3::from([0, 1, 2].map(|k| self.low[k] + (first[k] + PART / 2) as f32 * cell));
         let squared_distance = |(point, _): &Member| (point - middle).norm_squared();
         let least = members.iter().map(squared_distance).fold(f32::INFINITY, f32::min).sqrt();
-        // What is farther from the middle is farther from every centre than the nearest one is, or than the reach.
+        // A point beyond this distance from the middle is farther from every centre than the nearest point or
+        // the reach.
         let limit = (least + 2.0 * PART_RADIUS * cell).min(self.reach + PART_RADIUS * cell);
         let [x, y] = [0, 1].map(|k| {
             std::array::from_fn::<f32, LANES, _>(|lane| {
@@ -274,7 +275,7 @@ impl NearestGrid {
             #[inline(always)]
             || {
                 let (x, y, z) = (x, y, z);
-                // A square of exactly that of the reach is too far.
+                // A squared distance equal to the squared reach is too far.
                 let mut squares = [[(self.reach * self.reach).next_down(); LANES]; PART];
                 let mut nearest = [[NONE; LANES]; PART];
                 for &(point, index) in members {
@@ -300,7 +301,7 @@ impl NearestGrid {
         std::array::from_fn(|cell| nearest[cell / LANES][cell % LANES])
     }
 
-    /// The points nearest to the centres of the cells that the places lie in, `NONE` where there is none.
+    /// Points nearest to the centres of the cells that hold the queries, `NONE` if there is none.
     #[inline(always)]
     pub fn get(&self, places: &Coordinates) -> [u32; LANES] {
         let (mut blocks, mut cells) = ([OUTSIDE; LANES], [0; LANES]);
@@ -340,7 +341,7 @@ mod tests {
         (0..count).map(|i| Vector3::new(1.1, 2.3, 3.7).map(|f| 20.0 * (i as f32 * f).sin())).collect()
     }
 
-    /// What the grid says of a place, in whatever lane.
+    /// Looks up one place, repeated in all lanes.
     fn look(grid: &NearestGrid, place: &Vector3<f32>) -> Option<usize> {
         let found = grid.get(&[0, 1, 2].map(|k| [place[k]; LANES]));
         assert!(found.iter().all(|&index| index == found[0]));

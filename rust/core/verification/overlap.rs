@@ -1,4 +1,4 @@
-//! Overlap of two surfaces under a pose: its share, its error, and the motions that it fixes.
+//! Overlap of two surfaces under a pose: fitness, RMSE, and constrained motions.
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 
@@ -17,38 +17,39 @@ use crate::verification::refine::equations;
 use crate::verification::schedule::{FINELY, LAST};
 use crate::verification::surface::{Surface, look_at};
 
-/// A motion is open where its resistance is below this share of that of all pairs facing it: planes whose normals are
-/// known to 5 degrees have 0.008.
+/// A motion is unconstrained if its resistance is below this share of that of all pairs facing it. Planes
+/// whose normals are known to 5 degrees have 0.008.
 const OPEN: f64 = 0.01;
 
-/// Points whose sums a task makes.
+/// Points per partial sum.
 const CHUNK: usize = 1024;
 
-/// How two surfaces lie on each other under a pose.
+/// Measures of how well two surfaces overlap under a pose.
 #[derive(Debug, Clone)]
 pub struct Overlap {
     /// Share of the source's points with a normal that lie on the target's surface.
     pub fitness: f64,
-    /// Root mean square of their distances to its planes, in the data's unit; NaN where there are none.
+    /// Root mean square of their distances to the target's planes, in the data's unit; NaN without such
+    /// points.
     pub inlier_rmse: f64,
-    /// Which motions the surfaces resist.
+    /// Motions that the surfaces constrain.
     pub resistance: Resistance,
 }
 
-/// Which motions two surfaces resist under a pose.
+/// Motions that two surfaces constrain under a pose.
 #[derive(Debug, Clone)]
 pub struct Resistance {
-    /// `sum w J J^T` of the last point-to-plane step, J the motion of a pair's distance with a rotation vector about the
-    /// target's origin and a translation, in the target's coordinates and the data's unit.
+    /// `sum w J J^T` of the last point-to-plane step. J is the derivative of a pair's distance by a rotation
+    /// vector about the target's origin and a translation, in the target's coordinates and the data's unit.
     pub information: Matrix6<f64>,
-    /// The motion (rotation vector, translation) that the surfaces resist least, where they hardly do; in the same
-    /// coordinates, of a size that moves the surfaces by about one unit.
+    /// The least constrained motion (rotation vector, translation), if the surfaces hardly constrain it; in
+    /// the same coordinates, scaled to move the surfaces by about one unit.
     pub open_motion: Option<Vector6<f64>>,
 }
 
 impl Resistance {
-    /// From the matrix and the weight of normal equations in units, in the target's frame; `radius` is that of the
-    /// surfaces, in units.
+    /// Computes the resistance from the matrix and the weight of the normal equations, in units and the
+    /// target's frame; `radius` is that of the surfaces, in units.
     pub(super) fn new(matrix: &Matrix6<f64>, weight: f64, radius: f64, unit: f64, frame: &OwnFrame) -> Self {
         let mut turn = Matrix6::zeros();
         turn.fixed_view_mut::<3, 3>(0, 0).copy_from(&frame.axes);
@@ -95,7 +96,7 @@ fn shared(source: &Surface, target: &Surface, pose: &Pose, execution: &Execution
         );
         Ok(sums)
     };
-    // Chunks of a fixed size, so that the sums are the same on any number of threads.
+    // Chunks of a fixed size make the sums the same on any number of threads.
     let chunks = memory::par_try_collect(source.elements().par_chunks(CHUNK).map(of_chunk))?;
     let [points, inliers] = [|sums: &Shared| sums.points, |sums: &Shared| sums.inliers]
         .map(|count| chunks.iter().map(count).sum::<usize>() as f64);
@@ -103,7 +104,8 @@ fn shared(source: &Surface, target: &Surface, pose: &Pose, execution: &Execution
     Ok((inliers / points, (squares / inliers).sqrt()))
 }
 
-/// Points with a normal, those that lie on the other surface, and the sum of their squared distances to its planes.
+/// Number of points with a normal, number of those on the other surface, and the sum of their squared
+/// distances to its planes.
 #[derive(Debug, Clone, Default)]
 struct Shared {
     points: usize,
@@ -130,7 +132,8 @@ impl Shared {
     }
 }
 
-/// From motions about the target's mean, in units and the data's axes, to motions about its origin in the data's unit.
+/// Converts from motions about the target's mean, in units and the frame's axes, to motions about its origin
+/// in the data's unit.
 fn in_data(matrix: &Matrix6<f64>, unit: f64, center: &Vector3<f64>) -> Matrix6<f64> {
     let mut change = Matrix6::identity() * unit;
     let turn: Matrix3<f64> = center.cross_matrix();
@@ -139,7 +142,7 @@ fn in_data(matrix: &Matrix6<f64>, unit: f64, center: &Vector3<f64>) -> Matrix6<f
     change.transpose() * matrix * change
 }
 
-/// The motion of the least resistance, about the target's mean and in units; none where it is resisted.
+/// The least constrained motion, about the target's mean and in units; `None` if it is constrained.
 fn open_motion(matrix: &Matrix6<f64>, weight: f64, radius: f64) -> Option<Vector6<f64>> {
     let mut scale = Vector6::repeat(1.0);
     scale.fixed_rows_mut::<3>(0).fill(1.0 / radius);

@@ -1,4 +1,4 @@
-//! Classifies the points of one surface by where a pose lays them on the other surface.
+//! Classifies the points of one surface by their place relative to the other surface under a pose.
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 
@@ -20,20 +20,20 @@ use crate::verification::surface::{Surface, look_at};
 /// Points per task.
 const CHUNK: usize = 64 * LANES;
 
-/// Where a moved point lies.
+/// Place of a moved point relative to the other surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Place {
-    /// Hidden from the other's scanner, by the other surface or its own; or without a normal; or away from a surface whose
-    /// scanner is not known.
+    /// Occluded from the other's scanner, by either surface; or without a normal; or away from a surface of
+    /// unknown viewpoint.
     Unknown = 0,
-    /// On the other surface, which faces the same way.
+    /// On the other surface, with an agreeing normal.
     On = 1,
-    /// Near the other surface, but not on it, or facing another way.
+    /// Near the other surface, but not on it, or with a disagreeing normal.
     Off = 2,
-    /// In front of what the other's scanner saw.
+    /// In front of the surface that the other's scanner observed: in its free space.
     InFront = 3,
-    /// Where the other's scanner saw nothing, and should have seen the point.
+    /// Visible to the other's scanner, in a direction in which it observed nothing.
     Background = 4,
 }
 
@@ -53,7 +53,7 @@ pub fn places(source: &Surface, target: &Surface, pose: &Rigid, execution: &Exec
     look_at(source, target, || moved_places(source, target, &pose, own.as_ref(), execution))
 }
 
-/// Places of the points moved by a pose between the surfaces; `own` are the ranges of the moved source.
+/// Places of the moved points; `own` are the sights of the moved source's own viewpoint.
 fn moved_places(
     source: &Surface,
     target: &Surface,
@@ -102,13 +102,13 @@ fn of_group(moved: &Group, target: &Surface, own: Option<&RangeMap>, oriented: b
     places
 }
 
-/// Whether a point faces the scanner, and is not hidden by its own surface.
+/// Whether a point faces the scanner and is not occluded by its own surface.
 #[inline(always)]
 fn is_visible(own: &Sights, lane: usize) -> bool {
     own.facing[lane] > FACING && own.in_front[lane] >= -LAST.in_front
 }
 
-/// The place of a point that has another one near by.
+/// Place of a point with a near point of the other surface.
 #[inline(always)]
 fn near_place(moved: &Group, near: &Group, oriented: bool, lane: usize) -> Place {
     let d = moved.offset(near, lane);
@@ -118,7 +118,7 @@ fn near_place(moved: &Group, near: &Group, oriented: bool, lane: usize) -> Place
     if is_on { Place::On } else { Place::Off }
 }
 
-/// The place of a visible point that has no other near by.
+/// Place of a visible point without a near point of the other surface.
 #[inline(always)]
 fn far_place(seen: &Sights, lane: usize) -> Place {
     if seen.in_front[lane] == f32::INFINITY {
@@ -144,7 +144,7 @@ mod tests {
         Surface::new(&points, &vec![Vector3::z(); rows.len()], 1.0, side, &Execution::default())
     }
 
-    /// Where the middle of a sheet lies once it is shifted.
+    /// Place of the middle of a sheet after a shift.
     fn place(target: Side, shift: [f64; 3]) -> Result<Place> {
         let pose = Rigid { rotation: Matrix3::identity(), translation: shift.into() };
         let found = places(&sheet(Side::Known)?, &sheet(target)?, &pose, &Execution::default())?;

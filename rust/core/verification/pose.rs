@@ -1,4 +1,4 @@
-//! Poses in single precision, between surfaces in their own coordinates: centred, in units.
+//! Poses in single precision between surfaces in centred coordinates, in units.
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
@@ -19,7 +19,7 @@ impl Pose {
         self.rotation.iter().chain(&self.translation).all(|number| number.is_finite())
     }
 
-    /// The pose followed by a small motion: a rotation vector and a translation.
+    /// Composes the pose with a small motion, given as a rotation vector and a translation.
     pub fn followed_by(&self, turn: Vector3<f64>, shift: Vector3<f64>) -> Self {
         let turn = Rotation3::new(turn).into_inner().map(|number| number as f32);
         let shift = shift.map(|number| number as f32);
@@ -37,14 +37,14 @@ impl Pose {
         cosine.clamp(-1.0, 1.0).acos()
     }
 
-    /// Whether two poses carry a point at `radius` from the centre farther apart than a distance, about.
+    /// Whether two poses move a point at `radius` from the centre apart by more than about a distance.
     pub fn is_apart(&self, other: &Self, radius: f32, distance: f32) -> bool {
         let shift = (self.translation - other.translation).norm();
         shift > distance || shift + self.angle_to(other) * radius > distance
     }
 }
 
-/// The rotation nearest to a matrix that is nearly one.
+/// The rotation nearest to a matrix that is nearly a rotation.
 pub(super) fn nearest_rotation(matrix: &Matrix3<f64>) -> Matrix3<f64> {
     let rotation = Rotation3::from_matrix_unchecked(*matrix);
     UnitQuaternion::from_rotation_matrix(&rotation).to_rotation_matrix().into_inner()

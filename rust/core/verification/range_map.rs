@@ -1,4 +1,4 @@
-//! How far a scanner saw in every direction: a z-buffer on the faces of a cube around the viewpoint.
+//! Observed range in every direction: a z-buffer on the faces of a cube around the viewpoint.
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 
@@ -13,9 +13,9 @@ use crate::verification::group::{Group, LANES};
 const PIXEL: f32 = 2.5;
 /// Pixels of all faces: 64 MiB.
 const MOST_PIXELS: i64 = 1 << 24;
-/// Points between two looks for an interruption.
+/// Points between two checks for an interruption.
 const STRETCH: usize = 1 << 16;
-/// Pixels per unit tangent that none needs; no pixel's number is greater.
+/// Upper bound of the pixels per unit tangent; keeps pixel numbers in range.
 const MOST_SCALE: f32 = (1 << 29) as f32;
 
 #[derive(Debug)]
@@ -30,7 +30,7 @@ pub(super) struct RangeMap {
 struct Face {
     low: [i32; 2],
     size: [i32; 2],
-    /// Nearest range over 3 x 3 pixels, infinite where nothing was seen.
+    /// Nearest range over 3 x 3 pixels, infinite if nothing was observed.
     ranges: Vec<f32>,
 }
 
@@ -40,16 +40,17 @@ struct Projection {
     range: f32,
 }
 
-/// What the map knows of the places of a group.
+/// Visibility of the places of a group.
 pub(super) struct Sights {
-    /// How far a place lies in front of what was seen in its direction: negative behind it, infinite where nothing was.
+    /// Distance of a place in front of the observed surface in its direction: negative behind it, infinite if
+    /// nothing was observed.
     pub in_front: [f32; LANES],
     /// Cosine between the normal at the place and the direction to the viewpoint.
     pub facing: [f32; LANES],
 }
 
 impl RangeMap {
-    /// Ranges of points from a viewpoint.
+    /// Builds the range map of points from a viewpoint.
     ///
     /// # Errors
     /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
@@ -71,7 +72,7 @@ impl RangeMap {
         self.eye
     }
 
-    /// Fits the faces around the points' pixels and a margin of one; returns how many pixels that are.
+    /// Fits the faces to the points' pixels with a margin of one; returns the number of pixels.
     fn lay_out(&mut self, points: &[Vector3<f32>]) -> i64 {
         let mut boxes = [([i32::MAX; 2], [i32::MIN; 2]); 6];
         for point in points {
@@ -132,7 +133,7 @@ impl RangeMap {
         }
     }
 
-    /// What was seen in the direction of places with normals.
+    /// Looks up the observed ranges in the directions of places with normals.
     #[inline(always)]
     pub fn look(&self, places: &Group) -> Sights {
         let eye = self.eye;
@@ -157,7 +158,7 @@ impl RangeMap {
     #[inline(always)]
     fn range(&self, face: u32, pixel: [i32; 2]) -> f32 {
         let face = &self.faces[face as usize];
-        // Pixels below the lowest wrap around, beyond all sizes.
+        // Pixels below the lowest wrap around to numbers beyond all sizes.
         let [row, column] = [0, 1].map(|k| pixel[k].wrapping_sub(face.low[k]) as u32);
         if row >= face.size[0] as u32 || column >= face.size[1] as u32 {
             return f32::INFINITY;

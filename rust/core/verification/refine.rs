@@ -10,37 +10,38 @@ use crate::verification::group::{Group, LANES};
 use crate::verification::pose::Pose;
 use crate::verification::surface::Surface;
 
-/// Least cosine between normals of points that are laid on each other.
+/// Least cosine between the normals of paired points.
 const COSINE: f32 = 0.5;
-/// Pairs below which a pose stays as it is.
+/// With fewer pairs the pose is not changed.
 const LEAST_PAIRS: usize = 10;
-/// Added to the diagonal, as a share of its greatest entry: motions that the surfaces don't resist are not made.
+/// Added to the diagonal, relative to its largest entry: suppresses motions that the surfaces do not
+/// constrain.
 const DAMPING: f64 = 1e-6;
-/// Radians and units: a smaller motion ends the refinement.
+/// Largest motion, in radians and units, at which the refinement has converged.
 const STILL: f64 = 1e-5;
-/// Numbers of a column of the equations, six of them used.
+/// Entries per column of the equations; six are used.
 const COLUMN: usize = 8;
 
-/// How a pose is refined. Lengths are in units.
+/// Parameters of a refinement. Lengths are in units.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Refinement {
     pub samples: usize,
     pub steps: usize,
-    /// Distance of points that are laid on each other, in the first and in the last step.
+    /// Largest distance of paired points, in the first and in the last step.
     pub reach: (f32, f32),
     pub coarse: bool,
 }
 
 /// The normal equations of one step, `A x = b` with x a rotation vector and a translation.
 pub(super) struct Equations {
-    /// Columns of A, then b, each filled up with zeros.
+    /// Columns of A, then b, each padded with zeros.
     columns: [[f64; COLUMN]; 7],
     /// Sum of the pairs' weights.
     pub weight: f64,
     pub pairs: usize,
 }
 
-/// The pose moved so that the source's samples lie on the planes of the target's points.
+/// Refines a pose: minimizes the distances of the source's samples from the planes of the target's points.
 pub(super) fn refine(source: &Surface, target: &Surface, pose: &Pose, how: &Refinement) -> Pose {
     let mut pose = *pose;
     for step in 0..how.steps {
@@ -68,7 +69,7 @@ fn solve(equations: &Equations) -> Option<Vector6<f64>> {
     motion.iter().all(|number| number.is_finite()).then_some(motion)
 }
 
-/// Pairs of samples and nearest points within reach, weighted `1 - d^2 / reach^2`.
+/// Normal equations of the samples and their nearest points within reach, weighted by `1 - d^2 / reach^2`.
 pub(super) fn equations(
     source: &Surface,
     target: &Surface,
@@ -102,7 +103,7 @@ pub(super) fn equations(
 }
 
 impl Equations {
-    /// Adds the pair of a moved sample and the point near it.
+    /// Adds the pair of a moved sample and its nearest point.
     #[inline(always)]
     fn add(&mut self, moved: &Group, near: &Group, lane: usize, weight: f64) {
         let [x, y, z] = [0, 1, 2].map(|k| moved.point[k][lane]);

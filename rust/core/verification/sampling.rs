@@ -1,7 +1,7 @@
-//! Samples of a surface, drawn against the frequency of their normals.
+//! Samples of a surface with weights that fall with the frequency of their normals.
 //!
-//! A floor or a wall has most points of a room and says nothing about the motion along it. A point is drawn with a
-//! weight of `f^-0.75`, f the number of points whose normals fall into the same bin.
+//! Most points of a room lie on a floor or a wall, which does not constrain the motion along it. A point is
+//! drawn with a weight of `f^-0.75`, f the number of points whose normals fall into the same bin.
 
 use nalgebra::Vector3;
 
@@ -36,7 +36,7 @@ pub(super) fn draw(normals: &[Vector3<f32>], oriented: bool, most: usize) -> Res
     memory::collect(keyed.iter().map(|&(_, index)| index))
 }
 
-/// In the open interval from 0 to 1.
+/// Pseudo-random number in the open interval from 0 to 1.
 fn uniform(index: usize) -> f64 {
     ((random_words(0, index as u64)[0] >> 11) as f64 + 0.5) / (1_u64 << 53) as f64
 }
@@ -57,7 +57,7 @@ fn bin(normal: &Vector3<f32>, oriented: bool) -> Option<usize> {
 mod tests {
     use super::*;
 
-    /// 1,000 normals up, 100 sideways.
+    /// 1,000 normals point up, 100 sideways.
     fn floor_and_post() -> Vec<Vector3<f32>> {
         (0..1100).map(|i| if i % 11 == 0 { Vector3::x() } else { Vector3::z() }).collect()
     }
@@ -67,7 +67,7 @@ mod tests {
         let normals = floor_and_post();
         let drawn = draw(&normals, true, 200)?;
         let rare = drawn.iter().filter(|&&i| normals[i as usize] == Vector3::x()).count();
-        // 1000^.25 : 100^.25 is 16 : 9; by frequency it were 10 : 1.
+        // 1000^.25 : 100^.25 is 16 : 9; unweighted sampling gives 10 : 1.
         assert!((55..=90).contains(&rare), "{rare}");
         assert_eq!(drawn, draw(&normals, true, usize::MAX)?[..200]);
         Ok(())

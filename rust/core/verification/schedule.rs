@@ -1,4 +1,4 @@
-//! From many poses to few: coarse scores of all, finer ones of the best, refined in between.
+//! Reduces many poses to few: scores all coarsely, then refines and rescores the best.
 
 use nalgebra::Point3;
 use rayon::prelude::*;
@@ -26,25 +26,25 @@ pub(super) const FINELY: Refinement =
 
 /// Poses kept after the first round, and after the second.
 const KEPT: (usize, usize) = (150, 12);
-/// Poses closer to a better one than this, in units, are left out: after the first round, and later.
+/// Poses closer than this to a better one, in units, are removed: after the first round, and later.
 const SAME: (f32, f32) = (10.0, 3.0);
 
-/// Weight of the matches' evidence beside the logarithm of the score, and the number of matches beyond which more of them
-/// tell nothing.
+/// Weight of the matches' evidence relative to the logarithm of the score, and the number of matches beyond
+/// which more add no evidence.
 const EVIDENCE: (f64, f64) = (0.1, 20.0);
-/// Scores below this are all the same: no agreement.
+/// Lower bound of scores: no agreement.
 const LEAST_SCORE: f64 = 1e-6;
-/// Degrees, or units at the source's centre, beyond which two poses differ.
+/// Two poses differ by more than this rotation in degrees, or this distance in units at the source's centre.
 pub const DIFFERENT: (f32, f32) = (10.0, 20.0);
 
-/// Matched points that speak for a pose which lays them together.
+/// Matches that support a pose if it aligns their points.
 #[derive(Debug)]
 pub struct Evidence {
     /// Points of the source.
     pub source: Points,
-    /// As many of the target.
+    /// Points of the target, in the same order.
     pub target: Points,
-    /// Distance, in the data's unit, within which a match speaks for a pose.
+    /// Largest distance, in the data's unit, of a match that supports a pose.
     pub tolerance: f64,
 }
 
@@ -69,27 +69,27 @@ impl Evidence {
     }
 }
 
-/// A pose that went through all rounds.
+/// A pose that passed all rounds.
 #[derive(Debug, Clone)]
 pub struct Verified {
     /// From the source's coordinates into the target's.
     pub pose: Rigid,
-    /// Agreement less violations, at most 2.
+    /// Agreement minus violations, at most 2.
     pub score: f64,
-    /// Matches that the pose lays together.
+    /// Number of matches that the pose aligns.
     pub evidence: usize,
-    /// What poses are ranked by: `ln score + 0.1 ln(1 + min(evidence, 20))`.
+    /// Ranking value: `ln score + 0.1 ln(1 + min(evidence, 20))`.
     pub value: f64,
 }
 
-/// A pose and what it is ranked by.
+/// A pose and its ranking value.
 #[derive(Clone, Copy, Default)]
 struct Ranked {
     pose: Pose,
     value: f64,
 }
 
-/// Scores of the poses as they are, by the measure of the last round.
+/// Scores the poses without refinement, by the measure of the last round.
 ///
 /// # Errors
 /// [`Error::InvalidInput`] unless both surfaces have one unit; [`Error::Interrupted`], [`Error::OutOfMemory`].
@@ -106,11 +106,11 @@ pub fn score_poses(
     })
 }
 
-/// The best of the poses, refined, best first; none lies within 3 units of a better one.
+/// Returns the best of the poses, refined, best first; none lies within 3 units of a better one.
 ///
 /// # Errors
-/// [`Error::InvalidInput`] unless both surfaces have one unit and the evidence as many points on both sides,
-/// [`Error::Interrupted`], [`Error::OutOfMemory`].
+/// [`Error::InvalidInput`] unless both surfaces have one unit and the evidence has as many source as target
+/// points, [`Error::Interrupted`], [`Error::OutOfMemory`].
 pub fn verify(
     source: &Surface,
     target: &Surface,
@@ -124,7 +124,7 @@ pub fn verify(
     look_at(source, target, || verify_local(source, target, &poses, evidence, execution))
 }
 
-/// The same of poses between the surfaces.
+/// [`verify`] in the surfaces' own coordinates.
 fn verify_local(
     source: &Surface,
     target: &Surface,
@@ -150,8 +150,8 @@ fn verify_local(
     memory::collect(suppress(&last, SAME.1, radius, KEPT.1)?.into_iter().map(|i| judged[i].1.clone()))
 }
 
-/// Lead of the first pose's value over the best that differs from it by more than 10 degrees or 20 units; infinite where
-/// there is none.
+/// Difference between the first pose's value and that of the best pose that differs from it by more than 10
+/// degrees or 20 units; infinite if there is none.
 pub fn margin(source: &Surface, target: &Surface, found: &[Verified]) -> f64 {
     let Some(best) = found.first() else { return f64::INFINITY };
     let pose = |found: &Verified| source.pose_onto(target, &found.pose);
@@ -177,7 +177,7 @@ fn ranked_by_score(source: &Surface, target: &Surface, pose: Pose, round: &Round
     Ranked { pose, value: f64::from(score(source, target, &pose, round)) }
 }
 
-/// A result for each pose, in parallel; `value` until it is computed.
+/// Computes a result for each pose, in parallel; `value` is a placeholder.
 fn map<T: Send + Clone>(
     poses: &[Pose],
     value: T,
@@ -188,7 +188,8 @@ fn map<T: Send + Clone>(
     memory::par_try_fill(value, poses.par_iter().with_max_len(16).map(checked))
 }
 
-/// The best `most` poses, without those within a distance of a better one; best first, ties to the earlier.
+/// Non-maximum suppression: the best `most` poses, without those within a distance of a better one; best
+/// first, ties to the earlier.
 fn suppress(poses: &[Ranked], within: f32, radius: f32, most: usize) -> Result<Vec<usize>> {
     let mut order = memory::collect((0..poses.len()).filter(|&i| poses[i].pose.is_finite()))?;
     order.sort_unstable_by(|&i, &j| poses[j].value.total_cmp(&poses[i].value).then(i.cmp(&j)));

@@ -1,4 +1,4 @@
-//! How well two surfaces agree under a pose.
+//! Score of the agreement of two surfaces under a pose.
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 #![expect(clippy::needless_bitwise_bool, reason = "without branches all lanes are computed at once")]
@@ -8,27 +8,27 @@ use crate::verification::group::{Group, LANES};
 use crate::verification::pose::Pose;
 use crate::verification::surface::Surface;
 
-/// Weight of the squared distance beside that of the squared distance to the plane.
+/// Weight of the squared distance relative to the squared distance to the plane.
 pub(super) const ALONG: f32 = 0.15;
-/// What a sample before the background of a scan counts against one before its surface.
+/// Weight of a sample in front of a scan's background, relative to one in front of its surface.
 const BACKGROUND: f32 = 0.3;
-/// Cosine beyond which a sample faces the viewer, who should have seen it.
+/// Least cosine between a sample's normal and the direction to a viewer that should have observed it.
 pub(super) const FACING: f32 = 0.3;
 
-/// What a round of scoring looks at. Lengths are in units.
+/// Parameters of a round of scoring. Lengths are in units.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Round {
     pub samples: usize,
-    /// Distance from which on a sample no longer agrees.
+    /// Distance at which the agreement of a sample reaches zero.
     pub tolerance: f32,
-    /// How far before a scan's surface a sample violates what was seen.
+    /// Least distance of a sample in front of the other surface that counts as a free-space violation.
     pub in_front: f32,
     /// Least cosine between normals that agree.
     pub cosine: f32,
     pub coarse: bool,
 }
 
-/// Agreement less violations, of both surfaces' samples on the other one: at most 2.
+/// Agreement minus free-space violations of both surfaces' samples on the other surface: at most 2.
 pub(super) fn score(source: &Surface, target: &Surface, pose: &Pose, round: &Round) -> f32 {
     one_way(source, target, pose, round) + one_way(target, source, &pose.inverse(), round)
 }
@@ -42,7 +42,7 @@ fn one_way(from: &Surface, to: &Surface, pose: &Pose, round: &Round) -> f32 {
         || {
             for (number, group) in groups.iter().enumerate() {
                 let values = values(&group.moved(pose), to, round, oriented);
-                // One after the other, so that the sum is the same on every machine.
+                // Summed in order, so that the sum is the same on every machine.
                 for value in &values[..(count - number * LANES).min(LANES)] {
                     sum += value;
                 }
@@ -52,7 +52,7 @@ fn one_way(from: &Surface, to: &Surface, pose: &Pose, round: &Round) -> f32 {
     sum / count as f32
 }
 
-/// What each of the moved samples says.
+/// Value of each of the moved samples.
 #[inline(always)]
 fn values(samples: &Group, to: &Surface, round: &Round, oriented: bool) -> [f32; LANES] {
     let (is_near, near) = to.nearest(&samples.point, round.coarse);
@@ -77,7 +77,7 @@ fn values(samples: &Group, to: &Surface, round: &Round, oriented: bool) -> [f32;
     values
 }
 
-/// What a sample far from the surface says of what the scanner saw.
+/// Free-space violation of a sample without a near point of the surface.
 #[inline(always)]
 fn violation(in_front: f32, facing: f32, round: &Round) -> f32 {
     let background = if facing > FACING { -BACKGROUND } else { 0.0 };

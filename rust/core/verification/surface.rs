@@ -1,4 +1,4 @@
-//! A surface made ready once: points with normals, nearest-point grids, ranges, samples.
+//! A surface prepared for scoring: points with normals, nearest-point grids, ranges, samples.
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 
@@ -17,32 +17,32 @@ use crate::verification::pose::{Pose, nearest_rotation};
 use crate::verification::range_map::RangeMap;
 use crate::verification::sampling;
 
-/// Samples that the last round looks at; no round needs more.
+/// Samples of the last round; earlier rounds use fewer.
 const MOST_SAMPLES: usize = 2_500;
-/// Points with a normal below which there is nothing to judge.
+/// Fewest points with a normal.
 const LEAST_POINTS: usize = 10;
-/// Diagonal of the bounding box, in units, below which all poses look alike.
+/// Least diagonal of the bounding box, in units; smaller surfaces cannot tell poses apart.
 const LEAST_SPAN: f64 = 10.0;
-/// Farthest viewpoint, in units: beyond, single precision loses the depths.
+/// Largest distance of the viewpoint, in units; beyond it, single precision loses the depths.
 const MOST_RANGE: f64 = 1e6;
 
-/// Size of the cells and reach of the coarse grid, in units.
+/// Cell size and reach of the coarse grid, in units.
 const COARSE: (f32, f32) = (1.5, 8.0);
-/// The same of the fine grid.
+/// Cell size and reach of the fine grid, in units.
 const FINE: (f32, f32) = (1.0, 4.0);
 
-/// What is known of the side that normals point to.
+/// Knowledge of the side that normals point to.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Side {
-    /// Nothing: a normal and its opposite are the same.
+    /// Unknown: a normal and its opposite are equivalent.
     Unknown,
     /// The normals of both surfaces point to the same side.
     Known,
-    /// The same, and the points are one scan from here.
+    /// As `Known`, and the points are one scan from this viewpoint.
     Viewpoint([f64; 3]),
 }
 
-/// A surface that poses are judged on. Its lengths are in units, its points relative to their mean.
+/// A surface that poses are scored on. Lengths are in units; points are relative to their mean.
 #[derive(Debug)]
 pub struct Surface {
     unit: f64,
@@ -59,11 +59,13 @@ pub struct Surface {
 }
 
 impl Surface {
-    /// Points and their normals, NaN for none; the unit is some 0.4 of the distance between points.
+    /// Builds a surface from points and their normals, NaN for none; the unit is about 0.4 of the distance
+    /// between points.
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] for a wrong unit, normals that are not one per point, fewer than 10 points with a normal,
-    /// points that span fewer than 10 units or too many for the grids, or a viewpoint too far away;
+    /// [`Error::InvalidInput`] for an invalid unit, a number of normals other than that of the points, fewer
+    /// than 10 points with a normal, points that span fewer than 10 units or too many for the grids, or a
+    /// viewpoint too far away;
     /// [`Error::Interrupted`], [`Error::OutOfMemory`].
     pub fn new(
         points: &Points,
@@ -107,12 +109,12 @@ impl Surface {
         self.elements.len()
     }
 
-    /// Whether there are no points; never so.
+    /// Always false: a surface has points.
     pub fn is_empty(&self) -> bool {
         self.elements.is_empty()
     }
 
-    /// The length that all others are multiples of.
+    /// The unit of all lengths, in the data's unit.
     pub fn unit(&self) -> f64 {
         self.unit
     }
@@ -122,14 +124,14 @@ impl Surface {
         &self.frame
     }
 
-    /// A pose of the data onto another surface, in the surfaces' coordinates.
+    /// Converts a pose of the data to one between the surfaces' coordinates.
     pub(super) fn pose_onto(&self, target: &Self, pose: &Rigid) -> Pose {
         let pose = self.frame.pose_onto(&target.frame, pose);
         let translation = (pose.translation / self.unit).map(|length| length as f32);
         Pose { rotation: pose.rotation.map(|number| number as f32), translation }.orthonormal()
     }
 
-    /// A pose onto another surface in the coordinates of the data.
+    /// Converts a pose between the surfaces' coordinates to one of the data.
     pub(super) fn pose_in_data(&self, target: &Self, pose: &Pose) -> Rigid {
         let rotation = nearest_rotation(&pose.rotation.map(f64::from));
         let translation = pose.translation.map(f64::from) * self.unit;
@@ -149,13 +151,13 @@ impl Surface {
         &self.elements
     }
 
-    /// The groups of the first samples drawn, at most `count`, and how many samples they are.
+    /// The groups of the first samples drawn, at most `count`, and their number of samples.
     pub(super) fn samples(&self, count: usize) -> (&[Group], usize) {
         let count = count.min(self.drawn);
         (&self.samples[..count.div_ceil(LANES)], count)
     }
 
-    /// Blocks of the grids that the system gave no memory for so far.
+    /// Number of blocks of the grids whose memory was refused so far.
     fn refusals(&self) -> usize {
         self.coarse.refusals() + self.fine.refusals()
     }
@@ -164,7 +166,7 @@ impl Surface {
         self.ranges.as_ref()
     }
 
-    /// The points nearest to places by the coarse or the fine grid; zero where there is none.
+    /// Nearest points by the coarse or the fine grid; zero if there is none.
     #[inline(always)]
     pub(super) fn nearest(&self, places: &Coordinates, coarse: bool) -> ([bool; LANES], Group) {
         let grid = if coarse { &self.coarse } else { &self.fine };
@@ -180,7 +182,8 @@ impl Surface {
     }
 }
 
-/// What a look at two surfaces finds, unless blocks of their grids lacked the memory to be filled in the meantime.
+/// Result of a computation on two surfaces; an error if memory for blocks of their grids was refused in the
+/// meantime.
 pub(super) fn look_at<T>(source: &Surface, target: &Surface, look: impl FnOnce() -> Result<T>) -> Result<T> {
     let refusals = || source.refusals() + target.refusals();
     let before = refusals();
@@ -229,7 +232,7 @@ fn elements(
     memory::collect(normals.iter().enumerate().map(element))
 }
 
-/// A direction of unit length, or zero where there is none.
+/// The normal scaled to unit length, or zero if there is none.
 fn unit_length(normal: &Vector3<f64>) -> Vector3<f64> {
     let scale = normal.amax();
     if normal.iter().all(|number| number.is_finite()) && scale > 0.0 {

@@ -1,4 +1,4 @@
-//! Correspondences side by side, so that as many as a vector holds are worked on at once.
+//! Correspondences grouped by vector lane for SIMD.
 
 use nalgebra::Matrix3;
 
@@ -7,20 +7,21 @@ use crate::geometry::rigid::Rigid;
 use crate::memory;
 use crate::simd::DOUBLES;
 
-/// Source x, y, z, then target x, y, z, then the level of correspondences; what is left of the last group has a level
-/// of -infinity.
+/// Source x, y, z, then target x, y, z, then the level of correspondences; unused lanes of the last group
+/// have a level of -infinity.
 pub type Group = [[f64; DOUBLES]; TERMS];
 const TERMS: usize = 7;
 
-/// The weight, then the rotation that the frames propose, by rows: zeros for none, which are far from any pose.
+/// The weight, then the rows of the rotation proposed by the frames: zeros without frames, which are far from
+/// any pose.
 pub type Detail = [[f64; DOUBLES]; 10];
 
-/// Puts terms side by side.
+/// Packs terms into groups.
 pub fn in_groups(terms: impl ExactSizeIterator<Item = [f64; TERMS]>) -> Result<Vec<Group>> {
     pack(terms, f64::NEG_INFINITY)
 }
 
-/// Puts weights and rotations side by side.
+/// Packs weights and rotations into groups.
 pub fn details_in_groups(rotations: &[Option<Matrix3<f64>>], weights: &[f64]) -> Result<Vec<Detail>> {
     let detail = |(rotation, &weight): (&Option<Matrix3<f64>>, &f64)| {
         let rotation = rotation.unwrap_or_else(Matrix3::zeros);
@@ -29,7 +30,7 @@ pub fn details_in_groups(rotations: &[Option<Matrix3<f64>>], weights: &[f64]) ->
     pack(rotations.iter().zip(weights).map(detail), 0.0)
 }
 
-/// The last term of what is left of the last group is `rest`.
+/// Unused lanes of the last group have `rest` as their last term.
 fn pack<const N: usize>(
     rows: impl ExactSizeIterator<Item = [f64; N]>,
     rest: f64,
@@ -44,7 +45,7 @@ fn pack<const N: usize>(
     Ok(groups)
 }
 
-/// The rows of some correspondences, side by side.
+/// The rows of some correspondences, in groups.
 pub fn take<const N: usize>(
     groups: &[[[f64; DOUBLES]; N]],
     kept: &[usize],
@@ -82,7 +83,7 @@ pub fn squared_residuals(transform: &[f64; 12], group: &Group) -> [f64; DOUBLES]
     squares
 }
 
-/// Cosine of the angle between the pose and the rotations that frames propose: `(tr(R^T R_i) - 1) / 2`.
+/// Cosine of the angle between the pose and the rotations proposed by the frames: `(tr(R^T R_i) - 1) / 2`.
 #[inline(always)]
 pub fn cosines(transform: &[f64; 12], detail: &Detail) -> [f64; DOUBLES] {
     let mut traces = [0.0; DOUBLES];

@@ -1,4 +1,4 @@
-//! Prior probability and weight of each correspondence, before any pose is known.
+//! Prior probability and weight of each correspondence, independent of any pose.
 
 use crate::error::Result;
 use crate::execution::Execution;
@@ -6,17 +6,17 @@ use crate::geometry::ball_search::BallSearch;
 use crate::memory;
 use crate::points::Points;
 
-/// Share of correspondences that is right where nothing is known: one in a hundred, but ten at least.
+/// Prior share of correct correspondences: one in a hundred, but at least ten.
 const RIGHT_SHARE: f64 = 0.01;
 const RIGHT_COUNT: f64 = 10.0;
 
-/// A ratio's logarithm of the likelihood ratio: slope, where it is 0, least and greatest.
+/// Log-likelihood ratio as a function of a match's ratio: slope, zero, minimum and maximum.
 const RATIO_SLOPE: f64 = 8.0;
 const RATIO_EVEN: f64 = 0.87;
 const RATIO_TERM: (f64, f64) = (-0.8, 3.0);
 
-/// The level of each correspondence: `ln(share) + ln(n / D_i)`, and what its ratio adds, where `D_i` is how
-/// many correspondences start or end within `radius` of it, the nearer the more.
+/// The level of each correspondence: `ln(share) + ln(n / D_i)` and the term of its ratio. `D_i` is the number
+/// of correspondences that start or end within `radius` of it, weighted by proximity.
 ///
 /// # Errors
 /// [`crate::Error::InvalidInput`] unless the radius is positive; [`crate::Error::Interrupted`],
@@ -47,8 +47,8 @@ fn density(points: &Points, radius: f64, execution: &Execution) -> Result<Vec<f6
     })
 }
 
-/// How many correspondences lie within `radius` of each at both ends and keep their distance to it within
-/// `tolerance`, itself among them: right or wrong, they are so together.
+/// Number of correspondences, itself included, within `radius` of each at both ends that keep their distance
+/// to it within `tolerance`: they are correct or wrong together.
 ///
 /// # Errors
 /// As for [`levels`].

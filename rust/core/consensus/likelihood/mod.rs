@@ -1,7 +1,8 @@
-//! How much likelier correspondences are under a pose than by chance.
+//! Likelihood ratio of correspondences under a pose versus chance.
 //!
-//! A wrong match ends near a given place as often as others do; a right one ends where the pose lays it, up to noise,
-//! and its frames turn as the pose does. The logarithm of the ratio of both, cut off at 0, adds up to the score of the pose.
+//! A wrong match ends near a given place as often as others do. A correct match ends at its place under the
+//! pose, up to noise, and its frames rotate with the pose. The score of a pose is the sum of the
+//! log-likelihood ratios, each cut off at 0.
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 #![expect(clippy::needless_bitwise_bool, reason = "without branches all lanes are computed at once")]
@@ -18,56 +19,56 @@ use crate::points::Points;
 use crate::simd::{self, DOUBLES};
 use groups::{Detail, Group, by_rows, cosines, details_in_groups, in_groups, squared_residuals};
 
-/// Residuals of more deviations don't move a pose.
+/// Residuals beyond this many deviations do not affect a pose.
 const REFINED: f64 = 3.0;
 
-/// What frames say of a correspondence: `max(loss, gain - 2 (1 - cos a) / (2 deviation^2))` for the angle a between the
-/// pose and the rotation that they propose; nothing where there are none.
+/// Evidence of a correspondence's frames: `max(loss, gain - 2 (1 - cos a) / (2 deviation^2))` for the angle a
+/// between the pose and the rotation that they propose; zero without frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrameTerm {
-    /// Logarithm of the likelihood ratio of frames that agree fully.
+    /// Log-likelihood ratio of frames that agree exactly.
     pub gain: f64,
-    /// The same, at most 0, of frames that don't agree.
+    /// Log-likelihood ratio, at most 0, of frames that disagree.
     pub loss: f64,
-    /// Standard deviation of the angle between right ones, in radians.
+    /// Standard deviation of the angle between correct frames, in radians.
     pub deviation: f64,
 }
 
 impl FrameTerm {
-    /// Frames that say nothing.
+    /// Frames that add no evidence.
     pub const SILENT: Self = Self { gain: 0.0, loss: 0.0, deviation: 1.0 };
 
-    /// What frames add to the loss where they propose the pose, and how fast it falls with `1 - cos a`.
+    /// Gain over the loss of frames that propose the pose, and its slope in `1 - cos a`.
     fn bonus(&self) -> (f64, f64) {
         (self.gain - self.loss, 1.0 / (self.deviation * self.deviation))
     }
 }
 
-/// What the score of a pose adds up.
+/// The likelihood of a set of correspondences; scores poses.
 #[derive(Debug)]
 pub struct Likelihood {
     groups: Vec<Group>,
-    /// One beside each group where correspondences have weights or frames, else none.
+    /// One per group if correspondences have weights or frames, else empty.
     details: Vec<Detail>,
     frame_term: FrameTerm,
     len: usize,
-    /// Standard deviation of a right match, a length.
+    /// Standard deviation of a correct match, a length.
     deviation: f64,
-    /// Residuals of at least this length count nothing.
+    /// Residuals of at least this length add nothing.
     reach: f64,
 }
 
-/// The score of a pose, and how many correspondences it comes from.
+/// The score of a pose, and its number of supporters.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Support {
-    /// Sum of the logarithms of the likelihood ratios.
+    /// Sum of the log-likelihood ratios.
     pub score: f64,
-    /// Number of correspondences that add to it.
+    /// Number of correspondences that add to the score.
     pub supporters: usize,
 }
 
 impl Likelihood {
-    /// Of matched points and their levels.
+    /// Likelihood of matched points with their levels.
     ///
     /// # Errors
     /// [`crate::Error::OutOfMemory`].
@@ -81,7 +82,7 @@ impl Likelihood {
         Ok(Self { groups, details, frame_term, len: levels.len(), deviation, reach })
     }
 
-    /// A copy.
+    /// Copies the likelihood.
     ///
     /// # Errors
     /// [`crate::Error::OutOfMemory`].
@@ -90,7 +91,7 @@ impl Likelihood {
         Ok(Self { groups, details, ..*self })
     }
 
-    /// The same where each correspondence counts by its weight, and its frames propose a rotation or none.
+    /// Adds weights and the rotations proposed by frames, if any.
     ///
     /// # Errors
     /// [`crate::Error::OutOfMemory`].
@@ -108,7 +109,7 @@ impl Likelihood {
         Ok(self)
     }
 
-    /// The same levels between other points, by position alone.
+    /// As this likelihood, between other points and without frames or weights.
     ///
     /// # Errors
     /// [`crate::Error::OutOfMemory`].
@@ -127,18 +128,18 @@ impl Likelihood {
         self.len == 0
     }
 
-    /// The points of one.
+    /// The points of a correspondence.
     pub fn points(&self, i: usize) -> (Point3<f64>, Point3<f64>) {
         let [x, y, z, u, v, w, _] = groups::terms(&self.groups, i);
         (Point3::new(x, y, z), Point3::new(u, v, w))
     }
 
-    /// Standard deviation of a right match.
+    /// Standard deviation of a correct match.
     pub fn deviation(&self) -> f64 {
         self.deviation
     }
 
-    /// The same without the correspondences that a pose leaves a residual below the reach.
+    /// Removes the correspondences whose residual under a pose is below the reach.
     ///
     /// # Errors
     /// [`crate::Error::OutOfMemory`].
@@ -152,8 +153,8 @@ impl Likelihood {
         Ok(Self { groups, details, len: kept.len(), ..*self })
     }
 
-    /// The score of a pose: sum of `max(0, level - r^2 / (2 deviation^2))` over residuals r below the reach; where there are
-    /// frames, what they say is added to the level, and each term counts by its weight.
+    /// The score of a pose: sum of `max(0, level - r^2 / (2 deviation^2))` over residuals r below the reach.
+    /// The evidence of frames, if any, is added to the level, and each term is weighted.
     pub fn support(&self, pose: &Rigid) -> Support {
         let (limit, factor) = (self.reach * self.reach, 0.5 / (self.deviation * self.deviation));
         let transform = by_rows(pose);
@@ -190,7 +191,7 @@ impl Likelihood {
         Support { score: sums.iter().sum(), supporters: counts.iter().sum::<f64>() as usize }
     }
 
-    /// The probability of each correspondence to be right, given the pose.
+    /// The probability that each correspondence is correct, given the pose.
     ///
     /// # Errors
     /// [`crate::Error::OutOfMemory`].
@@ -204,7 +205,7 @@ impl Likelihood {
         Ok(levels)
     }
 
-    /// The level of each correspondence, with what its frames say of the pose.
+    /// The level of each correspondence, with the evidence of its frames for the pose.
     fn levels_under(&self, pose: &Rigid) -> Result<Vec<f64>> {
         let (most, slope) = self.frame_term.bonus();
         let mut levels = memory::collect(self.groups.iter().map(|group| group[6]))?.into_flattened();
@@ -224,8 +225,8 @@ impl Likelihood {
         self.details.get(i / DOUBLES).map_or(1.0, |detail| detail[0][i % DOUBLES])
     }
 
-    /// The pose after one round of weighted least squares for each of the given deviations, in turn; where
-    /// the points that it is fitted to leave a rotation open, the pose before.
+    /// Refines the pose by one iteration of weighted least squares for each of the given deviations, in turn;
+    /// returns the previous pose if the fitted points do not determine the rotation.
     ///
     /// # Errors
     /// [`crate::Error::OutOfMemory`].
@@ -238,7 +239,7 @@ impl Likelihood {
         Ok(pose)
     }
 
-    /// Frames that agree with the pose draw its rotation to what they propose.
+    /// Weighted fit; frames that agree with the pose attract its rotation to the one that they propose.
     fn refit(&self, pose: &Rigid, deviation: f64) -> Result<Option<Rigid>> {
         let (limit, factor) = ((REFINED * deviation).powi(2), 0.5 / (deviation * deviation));
         let (mut p, mut q, mut weights) = (Vec::new(), Vec::new(), Vec::new());
@@ -260,7 +261,8 @@ impl Likelihood {
         Ok(fixes_rotation(&p, &q).then(|| fit_posed(&p, &q, &weights, &turns)))
     }
 
-    /// The rotation that the frames of a correspondence propose, if they say more for the pose than wrong ones do.
+    /// The rotation proposed by the frames of a correspondence, if their evidence exceeds that of wrong
+    /// frames.
     fn agreeing_frames(&self, i: usize, pose: &Rigid) -> Option<Matrix3<f64>> {
         if self.details.is_empty() {
             return None;
@@ -293,7 +295,7 @@ impl Likelihood {
     }
 }
 
-/// The probability whose odds have this logarithm.
+/// The probability with these log-odds.
 fn posterior(log_odds: f64) -> f64 {
     1.0 / (1.0 + (-log_odds).exp())
 }
@@ -311,7 +313,7 @@ mod tests {
         Points::from_rows("points", &(0..n).map(place).collect::<Vec<_>>())
     }
 
-    /// Target points farther and farther from where they should be.
+    /// Target points with growing displacements.
     fn shifted(points: &Points) -> Result<Points> {
         let rows = points.rows().enumerate();
         let rows: Vec<[f64; 3]> = rows.map(|(i, [x, y, z])| [x, y + 0.1 * i as f64, z]).collect();
@@ -378,7 +380,7 @@ mod tests {
         };
         let turn = |pose: &Rigid| pose.rotation[(1, 0)].asin();
         assert!((turn(&refined(0.02)?) - 0.02).abs() < 1e-9);
-        // Points 50 from the axis and frames are about equally sure of the angle.
+        // Points 50 from the axis and frames are about equally certain of the angle.
         assert!((turn(&refined(0.0)?) - 0.01).abs() < 1e-3);
         assert!((turn(&refined(1.0)?) - 0.02).abs() < 1e-9);
         Ok(())
