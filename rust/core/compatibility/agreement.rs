@@ -1,7 +1,7 @@
-//! Which correspondences keep their distance to each other: `|ds - dt| < tolerance`, Eq. (13) of the paper (GC).
+//! Agreement of correspondences in distance: `|ds - dt| < tolerance`, Eq. (13) of the paper (GC).
 //!
-//! Decided in f32 without square roots, wherever rounding can't change the answer, else in f64 with them;
-//! the result is that of f64 throughout. Each pair is looked at once, for both of its correspondences.
+//! Decided in f32 without square roots if rounding cannot change the result, else in f64 with them; the
+//! result is that of f64 throughout. Each pair is evaluated once, for both of its correspondences.
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 
@@ -18,19 +18,19 @@ use crate::points::Points;
 use crate::selection::top_k::largest_in_order;
 use crate::simd::{self, Aligned, Kernel, Lanes, SINGLES};
 
-/// Columns that are searched together for pairs that f32 can't decide.
+/// Columns that are searched together for pairs that f32 cannot decide.
 const STRIP: usize = 256;
 
 /// Columns of a tile: few enough for the second-level cache.
 const TILE: usize = 4096;
 
-/// Rows that are compared with a column at a time.
+/// Rows compared with a column at a time.
 const ROWS: usize = 4;
 
 /// Fewest rows of a band.
 const MIN_BAND: usize = 64;
 
-/// Bands that the rows are cut into, for the threads to share.
+/// Number of bands of rows, the unit of parallel work.
 const BANDS: usize = 64;
 
 /// u, half a unit in the last place of 1 in f32.
@@ -39,10 +39,10 @@ pub(super) const ROUNDING: f64 = f32::EPSILON as f64 / 2.0;
 /// Scaled points are within 1 of the origin, so no two lengths differ by more than 2.
 const BEYOND_ALL: f64 = 4.0;
 
-/// Of a correspondence: source x, y, z, target x, y, z, and the squared norms of these two points.
+/// Source x, y, z, target x, y, z, and the squared norms of these two points.
 pub(super) type Terms<T> = [T; 8];
 
-/// The terms of correspondences next to each other; bands and strips are whole blocks.
+/// The terms of adjacent correspondences; bands and strips are whole blocks.
 #[derive(Debug, Clone, Copy)]
 #[repr(align(64))]
 pub(super) struct Block(Terms<[f32; SINGLES]>);
@@ -53,33 +53,35 @@ pub struct DistanceAgreement<'a> {
     source: &'a Points,
     target: &'a Points,
     tolerance: f64,
-    /// The power of two that brings all points within 1 of the origin.
+    /// The power of two that scales all points to within 1 of the origin.
     pub(super) scale: f64,
-    /// Scaled to at most 1; filled up with NaN, which agrees with nothing.
+    /// Scaled to at most 1; padded with NaN, which agrees with nothing.
     pub(super) blocks: Vec<Block>,
     criterion: Criterion,
 }
 
 /// With a, b the squared lengths and t the tolerance, `|sqrt a - sqrt b| < t` exactly if
-/// `(a - b)^2 + min(t^4 - 2 t^2 (a + b), -t^2 (a + b)) < 0`: the first of the two where `a + b > t^2`, and
-/// elsewhere, where it always holds, the second. Lengths come from norms and products,
-/// `|p - q|^2 = |p|^2 - 2 p q + |q|^2`, of points that are no farther than R from the origin.
+/// `(a - b)^2 + min(t^4 - 2 t^2 (a + b), -t^2 (a + b)) < 0`: the first term of the minimum applies if
+/// `a + b > t^2`; otherwise the inequality always holds, and the second term applies. Lengths are computed
+/// from norms and products, `|p - q|^2 = |p|^2 - 2 p q + |q|^2`, of points at most R from the origin.
 ///
-/// In f32 the left side is off by no more than `slack` wherever that could change its sign, which is where
-/// `|sqrt a - sqrt b|` passes t, so that `|a - b|` is about `4 R t` at most. With u = 2^-24, and to first order:
+/// In f32 the error of the left side is at most `slack` wherever it could change the sign: near
+/// `|sqrt a - sqrt b| = t`, where `|a - b|` is at most about `4 R t`. With u = 2^-24, and to first order, the
+/// errors are:
 ///
-/// - A rounded point is off by u R, a length by 2 u R, its square by 8 u R^2.
-/// - `|q|^2 - 2 p q` is off by 12 u R^2: the norm by 1, the products by 2, three sums of at most 3 R^2 by 9.
-/// - `a - b` is off by 44 u R^2 + 8 u R t: two squares 16, two of the former 24, the norms of the row and their
-///   difference 3, the two last differences 1 and 8 u R t.
-/// - Its square is off by `2 * 4 R t` times that, 352 u R^3 t + 64 u R^2 t^2, and its product by
-///   16 u R^2 t^2; what is of second order and has no t is `3 (44 u R^2)^2 = 5808 u^2 R^4`.
-/// - `a + b` is off by 48 u R^2: 16 and 24 as before, its last sum 6, the norms of the row 2. The minimum changes
-///   by `2 t^2` times that, 96 u R^2 t^2; the rounding of t^2 adds 16 u R^2 t^2 + 2 u t^4, that of the row's term
-///   4 u R^2 t^2 + u t^4, that of the product 12 u R^2 t^2, and that of the sum 16 u R^2 t^2 + u t^4.
+/// - A rounded point: u R, a length: 2 u R, its square: 8 u R^2.
+/// - `|q|^2 - 2 p q`: 12 u R^2, from the norm (1), the products (2), and three sums of at most 3 R^2 (9).
+/// - `a - b`: 44 u R^2 + 8 u R t, from two squares (16), two of the former (24), the norms of the row and
+///   their difference (3), and the two last differences (1 and 8 u R t).
+/// - Its square: `2 * 4 R t` times that, 352 u R^3 t + 64 u R^2 t^2, and its product 16 u R^2 t^2; the terms
+///   of second order without t are `3 (44 u R^2)^2 = 5808 u^2 R^4`.
+/// - `a + b`: 48 u R^2, from 16 and 24 as before, its last sum (6), and the norms of the row (2). The minimum
+///   changes by `2 t^2` times that, 96 u R^2 t^2; the rounding of t^2 adds 16 u R^2 t^2 + 2 u t^4, that of
+///   the row's term 4 u R^2 t^2 + u t^4, that of the product 12 u R^2 t^2, and that of the sum 16 u R^2 t^2 +
+///   u t^4.
 ///
-/// In all 352 u R^3 t + 224 u R^2 t^2 + 4 u t^4 + 5808 u^2 R^4. The slack has the next powers of two, whose
-/// excess covers all higher orders and the rounding of f64.
+/// The total is 352 u R^3 t + 224 u R^2 t^2 + 4 u t^4 + 5808 u^2 R^4. The slack uses the next powers of two,
+/// whose excess covers all higher orders and the rounding of f64.
 #[derive(Debug, Clone, Copy)]
 struct Criterion {
     squared_tolerance: f32,
@@ -96,7 +98,7 @@ impl Criterion {
 }
 
 impl<'a> DistanceAgreement<'a> {
-    /// Of matched points; the tolerance is a length in their unit.
+    /// Test for matched points; the tolerance is a length in their unit.
     ///
     /// # Errors
     /// [`crate::Error::OutOfMemory`].
@@ -114,7 +116,7 @@ impl<'a> DistanceAgreement<'a> {
         for i in 0..source.len() {
             let [p, q] =
                 sides.map(|points| <[f64; 3]>::from(points.get(i)).map(|value| (value * scale) as f32));
-            // Of the rounded coordinates, whose distances they stand for.
+            // Norms of the rounded coordinates, consistent with their distances.
             let [p_norm, q_norm] = [p, q].map(|point| squared_norm(&point.map(f64::from)) as f32);
             let terms = [p[0], p[1], p[2], q[0], q[1], q[2], p_norm, q_norm];
             for (term, value) in blocks[i / SINGLES].0.iter_mut().zip(terms) {
@@ -147,17 +149,17 @@ impl<'a> DistanceAgreement<'a> {
         self.blocks[i / SINGLES].0.map(|term| term[i % SINGLES])
     }
 
-    /// What the row of a correspondence has to do with the criterion.
+    /// Terms of the criterion that depend on the row's correspondence.
     pub(super) fn row_terms(&self, i: usize) -> RowTerms {
         RowTerms::new(self.terms(i), self.criterion)
     }
 
-    /// The criterion's left side is off by no more.
+    /// Bound on the error of the criterion's left side.
     pub(super) fn slack(&self) -> f32 {
         self.criterion.slack
     }
 
-    /// For each correspondence, how many others agree with it.
+    /// Number of other correspondences that agree with each.
     ///
     /// # Errors
     /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
@@ -185,14 +187,14 @@ impl<'a> DistanceAgreement<'a> {
         largest_in_order(&counts, most)
     }
 
-    /// What the rows of a band add to their own counts, and to those of all after them.
+    /// Counts of a band's rows, and of the agreements with all correspondences after them.
     fn band_counts(&self, band: &Range<usize>, execution: &Execution) -> Result<Vec<u32>> {
         let n = self.source.len();
         let mut counts = memory::filled(0, n.next_multiple_of(SINGLES) - band.start)?;
         let rows = band.start..band.end.next_multiple_of(SINGLES);
         let mut ignored = [0; TILE];
         for first in rows.clone().step_by(TILE) {
-            // Both of a pair are rows here, and so is the row itself, which agrees.
+            // Both correspondences of a pair are rows here, and so is the row itself, which agrees.
             let columns = first..(first + TILE).min(rows.end);
             for i in rows.clone().step_by(ROWS) {
                 let inside = self.count_part(i, &columns, &mut ignored[..columns.len()]);
@@ -216,8 +218,8 @@ impl<'a> DistanceAgreement<'a> {
         Ok(counts)
     }
 
-    /// How many of the columns agree with each row of the group from `i` on; each that does counts one more
-    /// in `mirrored`.
+    /// Number of the columns that agree with each row of the group from `i` on; also increments `mirrored`
+    /// for each agreeing column.
     fn count_part(&self, i: usize, columns: &Range<usize>, mirrored: &mut [u32]) -> [u32; ROWS] {
         let rows = [i, i + 1, i + 2, i + 3].map(|i| self.row_terms(i));
         let blocks = &self.blocks[columns.start / SINGLES..columns.end / SINGLES];
@@ -252,7 +254,7 @@ fn squared_norm(row: &[f64; 3]) -> f64 {
     row.iter().map(|value| value * value).sum()
 }
 
-/// What a row has to do with the criterion's left side.
+/// Terms of the criterion's left side that depend on the row.
 #[derive(Clone, Copy)]
 pub(super) struct RowTerms {
     /// `-2 p`, then `-2 p'`.
@@ -280,7 +282,7 @@ impl RowTerms {
     }
 }
 
-/// The same in every lane.
+/// The row's terms broadcast to every lane.
 #[derive(Clone, Copy)]
 pub(super) struct RowLanes<L: Lanes> {
     minus_twice: [L::Singles; 6],
@@ -313,7 +315,7 @@ impl<L: Lanes> RowLanes<L> {
         self.left_side_of(lanes, self.partial_squares(lanes, columns))
     }
 
-    /// `|q|^2 - 2 p q` on each side: the squared lengths but for the squared norms of the row.
+    /// `|q|^2 - 2 p q` on each side: the squared lengths without the squared norms of the row.
     #[inline(always)]
     pub(super) fn partial_squares(&self, lanes: L, columns: &Terms<L::Singles>) -> [L::Singles; 2] {
         let [px, py, pz, qx, qy, qz, p_norm, q_norm] = *columns;
@@ -346,8 +348,8 @@ impl Block {
     }
 }
 
-/// For each row, the columns that agree according to f32, and one bit per strip: whether some of
-/// it are too close to the tolerance to be sure.
+/// Number of columns per row that agree according to f32, and one bit per strip: whether it holds a pair too
+/// close to the tolerance for f32.
 struct Found {
     inside: [u32; ROWS],
     unsure: [u32; ROWS],
@@ -366,7 +368,7 @@ impl Kernel for CountInside<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) -> Found {
-        // The same number for all, which the compiler then keeps once.
+        // The same number for all rows: the compiler then keeps it once.
         let minus_square = self.rows[0].minus_square;
         let [row0, row1, row2, row3] = self.rows.map(
             #[inline(always)]
@@ -392,7 +394,8 @@ impl Kernel for CountInside<'_> {
                     let agrees = lanes.ones_where_below(left, zero);
                     inside[k] = lanes.add_counts(inside[k], agrees);
                     sum = lanes.add_counts(sum, agrees);
-                    // NaN, which fills up the last block, comes first: the second is taken then.
+                    // The minimum returns its second argument if the first is NaN, as in the padding of the
+                    // last block.
                     least[k] = lanes.min_singles(lanes.absolute_singles(left), least[k]);
                 }
                 lanes.store_counts(sum, mirrored);
@@ -405,21 +408,21 @@ impl Kernel for CountInside<'_> {
         for (total, inside) in found.inside.iter_mut().zip(inside) {
             let mut counts = Aligned([0; SINGLES]);
             lanes.store_counts(inside, &mut counts.0);
-            // Hidden from the compiler, which has to put it on the stack, and so aligns that: else what the registers
-            // don't hold may lie across two cache lines, depending on who calls.
+            // `black_box` forces the counts onto the stack with alignment. Otherwise values that do not fit
+            // in registers may straddle two cache lines, depending on the caller.
             *total = black_box(&counts).0.iter().sum();
         }
         found
     }
 }
 
-/// The columns of a block that f32 can't decide, one bit each, and which were counted.
+/// The columns of a block that f32 cannot decide, and those counted as agreeing, one bit each.
 struct Unsure {
     lanes: u16,
     counted: u16,
 }
 
-/// Finds the columns of a block that f32 can't decide.
+/// Finds the columns of a block that f32 cannot decide.
 struct FindUnsure<'a> {
     row: RowTerms,
     block: &'a Block,
@@ -435,7 +438,7 @@ impl Kernel for FindUnsure<'_> {
         let (zero, slack) = (lanes.splat_singles(0.0), lanes.splat_singles(self.slack));
         Unsure {
             lanes: lanes.at_most(lanes.absolute_singles(left), slack),
-            counted: !lanes.at_most(zero, left), // no column that is NaN is near
+            counted: !lanes.at_most(zero, left), // NaN columns are not close
         }
     }
 }
@@ -471,7 +474,7 @@ mod tests {
 
     #[test]
     fn pairs_at_the_very_tolerance_are_settled_in_f64() -> Result<()> {
-        // On a line, differences are multiples of 0.1, some of them rounded up and some down.
+        // On a line, differences are multiples of 0.1, some rounded up and some down.
         for scale in [1e-30, 1.0, 1e30] {
             let source: Vec<_> = (0..400).map(|i| [f64::from(i) * scale, 0.0, 0.0]).collect();
             let target: Vec<_> = (0..400).map(|i| [f64::from(i) * 0.9 * scale, 0.0, 0.0]).collect();

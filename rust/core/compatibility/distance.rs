@@ -1,8 +1,8 @@
-//! Rigidity of a pair of correspondences: a rigid motion keeps the distance between two points.
+//! Rigidity of a pair of correspondences: a rigid motion preserves the distance between two points.
 
 /// `r(c_i, c_j) = min(ds/dt, dt/ds)` in 0..=1, the paper's Eq. (12).
 ///
-/// An edge no longer than its side's zero length stands for two coincident points; the ratio is 0 then.
+/// An edge of at most its side's zero length has coincident ends; the ratio is 0 then.
 #[inline]
 pub fn distance_ratio(ds: f64, dt: f64, zero_ds: f64, zero_dt: f64) -> f64 {
     if ds <= zero_ds || dt <= zero_dt { 0.0 } else { (ds / dt).min(dt / ds) }

@@ -1,8 +1,8 @@
-//! The graph of correspondences that keep their distance to each other, one bit per pair.
+//! The graph of correspondences that agree in distance, one bit per pair.
 //!
-//! Two are joined where `|ds - dt| < tolerance`, Eq. (13) of the paper, and their edges are long enough: what
-//! lies close together keeps its distance under any motion. A row of bits is the neighbours of one correspondence;
-//! common neighbours are counted 64 at a time. Memory `n^2 / 8` bytes.
+//! Two correspondences are connected if `|ds - dt| < tolerance`, Eq. (13) of the paper, and their edges are
+//! long enough: points close together keep their distance under any motion. The neighbours of a
+//! correspondence are a row of bits; common neighbours are counted 64 at a time. Memory `n^2 / 8` bytes.
 
 use std::cmp::{Ordering, Reverse};
 use std::sync::atomic::{self, AtomicU32};
@@ -20,16 +20,16 @@ use crate::memory;
 use crate::points::Points;
 use crate::simd;
 
-/// Correspondences in a word.
+/// Correspondences per word.
 const WORD: usize = u64::BITS as usize;
 
 /// Words whose rows are compared with one row at a time: their rows stay in the second-level cache.
 const BAND_WORDS: usize = 4;
 
-/// Pairs that a task collects before it drops all but the best.
+/// A task collects this multiple of the requested pairs before it drops all but the best.
 const SPARE: usize = 4;
 
-/// Two correspondences that agree, and how many others agree with both.
+/// Two agreeing correspondences, and the number of others that agree with both.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Edge {
     /// Number of common neighbours.
@@ -41,7 +41,7 @@ pub struct Edge {
 }
 
 impl Edge {
-    /// Most common neighbours first, then by index.
+    /// Sort key: most common neighbours first, then by index.
     fn rank(&self) -> (Reverse<u32>, u32, u32) {
         (Reverse(self.common), self.i, self.j)
     }
@@ -56,10 +56,12 @@ pub struct AgreementGraph {
 }
 
 impl AgreementGraph {
-    /// Joins the pairs of matched points whose lengths differ by less than `tolerance` and exceed `shortest`.
+    /// Connects the pairs of matched points whose lengths differ by less than `tolerance` and exceed
+    /// `shortest`.
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] where the graph takes more than `execution.max_memory` bytes; [`Error::Interrupted`],
+    /// [`Error::InvalidInput`] if the graph needs more than `execution.max_memory` bytes;
+    /// [`Error::Interrupted`],
     /// [`Error::OutOfMemory`].
     pub fn new(
         source: &Points,
@@ -71,7 +73,8 @@ impl AgreementGraph {
         Self::with_edges(source, target, tolerance, EdgeLengths::EachAbove(shortest), execution)
     }
 
-    /// Joins the pairs of matched points whose lengths differ by less than `tolerance` and are as `lengths` says.
+    /// Connects the pairs of matched points whose lengths differ by less than `tolerance` and satisfy
+    /// `lengths`.
     ///
     /// # Errors
     /// As [`Self::new`].
@@ -104,17 +107,18 @@ impl AgreementGraph {
         Ok(Self { len, words, bits })
     }
 
-    /// Most correspondences whose graph takes no more than `max_memory` bytes.
+    /// Most correspondences whose graph needs at most `max_memory` bytes.
     pub fn most_vertices(max_memory: usize) -> usize {
-        let words = ((max_memory / (8 * WORD)) as f64).sqrt() as usize; // of rows of whole words
+        let words = ((max_memory / (8 * WORD)) as f64).sqrt() as usize; // rows are whole words
         let full = words * WORD;
         full + (max_memory / 8 / (words + 1)).saturating_sub(full).min(WORD)
     }
 
-    /// The graph of some vertices alone: the k-th of them is vertex k of the result.
+    /// The induced subgraph of some vertices: the k-th of them is vertex k of the result.
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] where both graphs take more than `execution.max_memory` bytes; [`Error::Interrupted`],
+    /// [`Error::InvalidInput`] if both graphs need more than `execution.max_memory` bytes;
+    /// [`Error::Interrupted`],
     /// [`Error::OutOfMemory`].
     pub fn induced(&self, vertices: &[u32], execution: &Execution) -> Result<Self> {
         let (len, words) = (vertices.len(), vertices.len().div_ceil(WORD));
@@ -151,7 +155,7 @@ impl AgreementGraph {
         self.len
     }
 
-    /// Memory that the bits take.
+    /// Memory of the bits.
     pub fn bytes(&self) -> usize {
         size_of_val(self.bits.as_slice())
     }
@@ -166,7 +170,7 @@ impl AgreementGraph {
         &self.bits[i * self.words..(i + 1) * self.words]
     }
 
-    /// With how many others a correspondence is joined.
+    /// Number of neighbours of a correspondence.
     pub fn degree(&self, i: usize) -> u32 {
         count(self.row(i))
     }
@@ -176,13 +180,13 @@ impl AgreementGraph {
         indices(self.row(i)).map(|j| j as usize)
     }
 
-    /// Whether two correspondences are joined.
+    /// Whether two correspondences are connected.
     #[inline]
     pub fn joined(&self, i: usize, j: usize) -> bool {
         self.row(i)[j / WORD] >> (j % WORD) & 1 == 1
     }
 
-    /// What is joined with both, ascending; at most `most`, of the lowest indices.
+    /// Common neighbours of two correspondences, ascending; at most `most`, of the lowest indices.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -191,7 +195,8 @@ impl AgreementGraph {
         memory::collect(words.flat_map(|(word, bits)| ones(word, bits)).take(most))
     }
 
-    /// Gives each vertex of `others`, a row of bits, with how many neighbours it has in common with `i`; ascending.
+    /// Calls `give` with each vertex of `others`, a row of bits, and its number of common neighbours with
+    /// `i`; ascending.
     pub fn count_common_with(&self, i: usize, others: &[u64], mut give: impl FnMut(u32, u32)) {
         let own = self.row(i);
         simd::run(
@@ -229,8 +234,8 @@ impl AgreementGraph {
         Ok(edges)
     }
 
-    /// The same among the pairs whose lower index is in a band. `floor` is a number of common neighbours that
-    /// `most` pairs reach, whoever found them.
+    /// As [`Self::heaviest_edges`] among the pairs whose lower index is in a band. `floor` is a number of
+    /// common neighbours that `most` pairs reach, in any band.
     fn heaviest_of_band(
         &self,
         band: usize,
@@ -275,7 +280,7 @@ fn keep_heaviest(edges: &mut Vec<Edge>, most: usize) {
     }
 }
 
-/// The bits of a word that stand for lower indices than `j`.
+/// Mask of a word's bits with indices lower than `j`.
 fn below(word: usize, j: usize) -> u64 {
     match (j / WORD).cmp(&word) {
         Ordering::Greater => u64::MAX,
@@ -284,12 +289,12 @@ fn below(word: usize, j: usize) -> u64 {
     }
 }
 
-/// The indices that a row stands for, ascending.
+/// The indices of the bits set in a row, ascending.
 pub fn indices(row: &[u64]) -> impl Iterator<Item = u32> + '_ {
     row.iter().enumerate().flat_map(|(word, &bits)| ones(word, bits))
 }
 
-/// The indices that a word of a row stands for.
+/// The indices of the bits set in a word of a row.
 pub(crate) fn ones(word: usize, mut bits: u64) -> impl Iterator<Item = u32> {
     std::iter::from_fn(move || {
         let bit = bits.trailing_zeros();

@@ -1,27 +1,28 @@
-//! Rows of bits: which correspondences keep their distance to one, and are not too close to it.
+//! Agreement of correspondences in distance with a condition on the edge lengths, as rows of bits.
 //!
-//! Decided as in [`agreement`](super::agreement): in f32 wherever rounding can't change the answer, else in f64.
+//! Decided as in [`agreement`](super::agreement): in f32 if rounding cannot change the result, else in f64.
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 
 use super::agreement::{Block, DistanceAgreement, ROUNDING, RowLanes, RowTerms};
 use crate::simd::{self, Kernel, Lanes, SINGLES};
 
-/// Blocks in a word.
+/// Blocks per word.
 const BLOCKS: usize = u64::BITS as usize / SINGLES;
 
-/// How far a squared length in f32 may be off, in units of [`ROUNDING`], of points within 1 of the origin: the
-/// rounding of the points makes 8, the norm and the products 12, the norm of the row 1, the rounded bound 5.
+/// Error bound of a squared length in f32, in units of [`ROUNDING`], for points within 1 of the origin: the
+/// rounding of the points adds 8, the norm and the products 12, the norm of the row 1, the rounded bound 5.
 const SQUARE_ERROR: f64 = 64.0;
 
-/// How long the edges between two correspondences must be: short ones keep their length under any motion.
+/// Condition on the lengths of the edges between two correspondences: short edges keep their length under any
+/// motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum EdgeLengths {
     /// Any length: coincident points agree, and so does a correspondence with itself.
     Any,
-    /// `min(ds, dt)` exceeds this one.
+    /// `min(ds, dt)` exceeds this length.
     EachAbove(f64),
-    /// `ds + dt` exceeds this one.
+    /// `ds + dt` exceeds this length.
     SumAbove(f64),
 }
 
@@ -34,8 +35,8 @@ impl EdgeLengths {
         }
     }
 
-    /// Edges of which one is shorter than the first of these, which may be negative, are too short; where both exceed
-    /// the second, they are long enough. The two differ by less than `tolerance`.
+    /// Two bounds: edges are too short if either is below the first, which may be negative, and long enough
+    /// if both exceed the second. The bounds differ by less than `tolerance`.
     fn bounds(self, tolerance: f64) -> [f64; 2] {
         match self {
             Self::Any => [f64::NEG_INFINITY; 2],
@@ -50,12 +51,12 @@ impl EdgeLengths {
 pub struct LongAgreement<'a> {
     agreement: DistanceAgreement<'a>,
     lengths: EdgeLengths,
-    /// Squares of the scaled lengths from which edges may be long enough, and from which they are.
+    /// Squared scaled lengths of the two bounds.
     squared_bounds: [f64; 2],
 }
 
 impl<'a> LongAgreement<'a> {
-    /// Adds a condition on lengths to the test of an agreement.
+    /// Adds a condition on lengths to an agreement test.
     pub fn new(agreement: DistanceAgreement<'a>, lengths: EdgeLengths) -> Self {
         // After scaling no length exceeds 2.
         let scaled = |length: f64| (length * agreement.scale).min(4.0);
@@ -96,14 +97,14 @@ impl<'a> LongAgreement<'a> {
     }
 }
 
-/// Finds what passes according to f32, and what f32 can't decide.
+/// Finds the correspondences that pass according to f32, and those that f32 cannot decide.
 struct FindLong<'a> {
     terms: RowTerms,
     blocks: &'a [Block],
     slack: f32,
-    /// On each side, a partial square below this one is too short.
+    /// A partial square below this, on either side, is too short.
     possible: [f32; 2],
-    /// On each side, a partial square of at least this is long enough.
+    /// A partial square of at least this, on both sides, is long enough.
     sure: [f32; 2],
     row: &'a mut [u64],
     unsure: &'a mut [u64],
@@ -182,7 +183,7 @@ mod tests {
 
     #[test]
     fn pairs_at_the_very_bounds_are_settled_in_f64() -> Result<()> {
-        // On a line, lengths and differences are multiples of 0.1, some of them rounded up and some down.
+        // On a line, lengths and differences are multiples of 0.1, some rounded up and some down.
         for scale in [1e-30, 1.0, 1e30] {
             let source: Vec<_> = (0..300).map(|i| [0.1 * f64::from(i) * scale, 0.0, 0.0]).collect();
             let target: Vec<_> = (0..300).map(|i| [f64::from(i) * 0.09 * scale, 0.0, 0.0]).collect();

@@ -4,7 +4,7 @@
 
 use crate::simd::arithmetic::Arithmetic;
 
-/// Sine and cosine of the difference of two angles in 0..=pi, which are given by their cosines.
+/// Sine and cosine of the difference of two angles in 0..=pi, given by their cosines.
 #[inline(always)]
 pub fn angle_difference<A: Arithmetic>(arithmetic: A, cosines: [f64; 2]) -> [f64; 2] {
     let sines = cosines.map(
@@ -12,7 +12,7 @@ pub fn angle_difference<A: Arithmetic>(arithmetic: A, cosines: [f64; 2]) -> [f64
         |cosine| arithmetic.multiply_add(-cosine, cosine, 1.0).sqrt(),
     );
     [
-        sines[0] * cosines[1] - cosines[0] * sines[1], // 0 where the angles are equal
+        sines[0] * cosines[1] - cosines[0] * sines[1], // 0 for equal angles
         arithmetic.multiply_add(cosines[0], cosines[1], sines[0] * sines[1]),
     ]
 }
@@ -23,7 +23,7 @@ mod tests {
     use crate::geometry::angle::atan2_by;
     use crate::simd::{Kernel, Lanes, run_on_each};
 
-    /// The difference of the angles of many pairs of cosines, as a loop that is vectorised.
+    /// The difference of the angles of many pairs of cosines, as a vectorized loop.
     #[derive(Clone, Copy)]
     struct Differences<'a>(&'a [[f64; 2]]);
 
@@ -54,7 +54,7 @@ mod tests {
         for differences in run_on_each(Differences(&pairs)) {
             for ([a, b], difference) in pairs.iter().zip(differences) {
                 let expected = (a.acos() - b.acos()).abs();
-                // A cosine's last digit moves an angle near 0 or pi by more.
+                // The rounding of a cosine changes an angle near 0 or pi by more.
                 let allowed =
                     1e-15 + 1e-16 / (1.0 - a * a).max(1e-16).sqrt() + 1e-16 / (1.0 - b * b).max(1e-16).sqrt();
                 assert!((difference - expected).abs() <= allowed, "{a} {b}: {difference} {expected}");

@@ -1,4 +1,4 @@
-//! Do two correspondences agree? Terms of a pair, votes, and matrices of all pairs.
+//! Agreement of two correspondences: terms of a pair, votes, and matrices of all pairs.
 
 pub mod agreement;
 pub mod distance;

@@ -1,4 +1,4 @@
-//! The pose that the frames of one correspondence give, and how far it misses another one (SI, Eq. (4)).
+//! The pose of a correspondence's frames, and its residual at another correspondence (SI, Eq. (4)).
 
 use nalgebra::Matrix3;
 
@@ -19,7 +19,7 @@ pub fn pose_of(
     Some(Rigid { rotation, translation })
 }
 
-/// `v_G = |R p_j + t - p'_j|`, Eq. (4): how far the pose misses correspondence `j`.
+/// `v_G = |R p_j + t - p'_j|`, Eq. (4): residual of correspondence `j` under the pose.
 #[inline]
 pub fn residual(pose: &Rigid, j: usize, source: &Points, target: &Points) -> f64 {
     (pose.apply(&source.get(j)) - target.get(j)).norm()

@@ -1,4 +1,4 @@
-//! Votes of many correspondences on one, several at a time; every vote is that of
+//! Votes of many correspondences for one, vectorized over the voters; each vote equals
 //! [`distance_ratio`](super::distance::distance_ratio) and [`residual`](super::pose::residual).
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
@@ -10,7 +10,7 @@ use crate::memory;
 use crate::points::Points;
 use crate::simd;
 
-/// Voters that are looked at together.
+/// Voters evaluated together.
 const VOTER_GROUP: usize = 32;
 
 /// Both points of a correspondence: x, y, z of the source, then of the target.
@@ -33,7 +33,7 @@ pub fn point_pairs(source: &Points, target: &Points) -> Result<Vec<PointPair>> {
 pub struct RigidityTest {
     /// Length up to which an edge counts as zero, in the source.
     pub zero_source: f64,
-    /// The same in the target.
+    /// Length up to which an edge counts as zero, in the target.
     pub zero_target: f64,
     /// sigma, not negative.
     pub min_ratio: f64,
@@ -46,16 +46,15 @@ impl RigidityTest {
         let ds = length([i[0] - j[0], i[1] - j[1], i[2] - j[2]]);
         let dt = length([i[3] - j[3], i[4] - j[4], i[5] - j[5]]);
         let (shorter, longer) = if ds < dt { (ds, dt) } else { (dt, ds) };
-        // Zero length stands for coincident points, which support nothing.
+        // An edge of zero length has coincident ends, which support nothing.
         (ds > self.zero_source) & (dt > self.zero_target) & (shorter / longer > self.min_ratio)
     }
 }
 
-/// Correspondences as a struct of arrays. Where some are left over, their targets are infinitely far away,
-/// which fails every test.
+/// Correspondences as a struct of arrays. Unused lanes have targets at infinity, which fail every test.
 type Group = [[f64; VOTER_GROUP]; 6];
 
-/// How many of `voters` have `rho_ij > sigma` with the correspondence `i`.
+/// Number of `voters` with `rho_ij > sigma` for correspondence `i`.
 pub fn count_rigid(pairs: &[PointPair], voters: &[u32], i: &PointPair, test: &RigidityTest) -> usize {
     simd::run(
         #[inline(always)]
@@ -74,12 +73,12 @@ pub fn count_rigid(pairs: &[PointPair], voters: &[u32], i: &PointPair, test: &Ri
     )
 }
 
-/// Correspondences that vote on all others by their poses.
+/// Correspondences that vote for all others by their poses.
 #[derive(Debug, Clone)]
 pub struct Voters(Vec<Group>);
 
 impl Voters {
-    /// The correspondences with these indices.
+    /// Voters from the correspondences with these indices.
     ///
     /// # Errors
     /// [`crate::Error::OutOfMemory`].
@@ -87,7 +86,7 @@ impl Voters {
         Ok(Self(memory::collect(indices.chunks(VOTER_GROUP).map(|indices| gather(pairs, indices)))?))
     }
 
-    /// How many voters j have `|R p_j + t - p'_j|^2 < limit` and `rho_ij > sigma`, Eq. (5).
+    /// Number of voters j with `|R p_j + t - p'_j|^2 < limit` and `rho_ij > sigma`, Eq. (5).
     pub fn count_carried(&self, i: &PointPair, test: &RigidityTest, pose: &Rigid, limit: f64) -> usize {
         let transform = by_rows(pose);
         simd::run(
@@ -95,7 +94,7 @@ impl Voters {
             || {
                 let mut count = 0;
                 for group in &self.0 {
-                    // Under a wrong pose few voters pass the first test, and the second one takes longer.
+                    // Under a wrong pose few voters pass the first test, and the second test is slower.
                     let carried = count_if(
                         group,
                         #[inline(always)]
@@ -158,7 +157,8 @@ fn by_rows(pose: &Rigid) -> [f64; 12] {
     transform
 }
 
-/// The least number whose square root is not below `length`: `sqrt(s) < length` exactly where `s` is below it.
+/// The least number whose square root is at least `length`: `sqrt(s) < length` if and only if `s` is below
+/// it.
 pub fn square_limit(length: f64) -> f64 {
     let mut square = length * length;
     while square > 0.0 && square.sqrt() >= length {

@@ -2,8 +2,8 @@
 //! numbers: as easy as 1, 2, 3*, SC 2011).
 //!
 //! The numbers of an iteration depend on (seed, iteration) alone, so results do not depend on how the
-//! iterations are distributed over threads. They are the words of `NumPy`'s `Philox(key=seed,
-//! counter=iteration).random_raw(4)`.
+//! iterations are distributed over threads. They are the words of `NumPy`'s
+//! `Philox(key=seed, counter=iteration).random_raw(4)`.
 
 const MULTIPLIERS: [u64; 2] = [0xD2E7_470E_E14C_6C93, 0xCA5A_8263_9512_1157];
 const KEY_INCREMENTS: [u64; 2] = [0x9E37_79B9_7F4A_7C15, 0xBB67_AE85_84CA_A73B];

@@ -153,8 +153,8 @@ impl SampleConsensus {
     }
 }
 
-/// Number of iterations after which the probability of having missed a better model is below `1 -
-/// confidence`.
+/// Number of iterations after which the probability of having missed a better model is below
+/// `1 - confidence`.
 fn needed(confidence: f64, inliers: usize, n: usize) -> f64 {
     let share = inliers as f64 / n as f64;
     if share >= 1.0 {

@@ -1,9 +1,9 @@
-//! FPFH-33, fast point feature histograms (Rusu, Blodow, Beetz, ICRA 2009), as PCL's `FPFHEstimation` and as `Open3D`'s
-//! `compute_fpfh_feature`.
+//! FPFH-33, fast point feature histograms (Rusu, Blodow, Beetz, ICRA 2009), as PCL's `FPFHEstimation` and
+//! `Open3D`'s `compute_fpfh_feature`.
 //!
-//! Three angles between the normals of two points and the line that joins them, 11 bins each. A point's simple
-//! histogram counts the pairs with its neighbours; its descriptor is the sum of its neighbours' simple histograms,
-//! weighted by the inverse of their squared distance. Cost O(N k).
+//! The features are three angles between the normals of two points and their connecting line, 11 bins each. A
+//! point's simple histogram (SPFH) counts the pairs with its neighbours; its descriptor is the sum of its
+//! neighbours' simple histograms, weighted by their inverse squared distance. Cost O(N k).
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -22,19 +22,19 @@ use crate::simd;
 
 /// Numbers of a descriptor.
 pub const LENGTH: usize = 3 * BINS;
-/// What each of the three histograms sums up to.
+/// Sum of each of the three histograms.
 const TOTAL: f32 = 100.0;
-/// Weight, in units of 1 over the squared radius, that no neighbour exceeds: sums stay finite.
+/// Upper bound of a neighbour's weight, in units of 1 over the squared radius: keeps sums finite.
 const MAX_WEIGHT: f64 = 1e20;
-/// Points that one task takes.
+/// Points per task.
 const POINTS_PER_TASK: usize = 64;
-/// Bytes that neighbourhoods may take up at the most to be kept from one search for both of their uses.
+/// Most bytes of neighbourhoods that are kept from one search for both of their uses.
 const MOST_KEPT: usize = 64 << 20;
 
 /// A descriptor.
 pub type Row = [f32; LENGTH];
 
-/// A point's simple histogram, and its neighbours where they are kept.
+/// A point's simple histogram, and its neighbours if they are kept.
 #[derive(Debug, Clone)]
 struct Simple {
     histogram: Row,
@@ -45,17 +45,17 @@ impl Simple {
     const NONE: Self = Self { histogram: [0.0; LENGTH], shares: Vec::new() };
 }
 
-/// What a neighbour counts in the sum of histograms.
+/// A neighbour's weight in the sum of histograms.
 #[derive(Debug, Clone, Copy)]
 struct Share {
     position: u32,
     weight: f32,
 }
 
-/// Which library's numbers are computed.
+/// Library whose convention is followed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Convention {
-    /// The weighted sum of the neighbours' histograms alone; pairs without angles are left out.
+    /// The weighted sum of the neighbours' histograms alone; pairs without angles are skipped.
     Pcl,
     /// The point's own simple histogram is added; pairs without angles count as angles of zero.
     Open3d,
@@ -66,19 +66,19 @@ pub enum Convention {
 pub struct Fpfh {
     /// Radius of a neighbourhood, a length.
     pub radius: f64,
-    /// The nearest of its points that are used, the point itself included; all of them if not given.
+    /// Number of nearest points used in the neighbourhood, the point itself included; all if not given.
     pub max_neighbors: Option<usize>,
-    /// Whose numbers.
+    /// Convention of the descriptor.
     pub convention: Convention,
 }
 
 impl Fpfh {
-    /// Descriptors of the keypoints, or of all points if none are given; NaN where a point has no normal, zero where
-    /// it has no neighbour. Neighbours without a normal are left out.
+    /// Computes the descriptors of the keypoints, or of all points if none are given; NaN if a point has no
+    /// normal, zero if it has no neighbour. Neighbours without a normal are skipped.
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] for a radius that is not positive, `max_neighbors` of 0, an index beyond the cloud, or
-    /// normals that are not one per point; [`Error::Interrupted`].
+    /// [`Error::InvalidInput`] for a radius that is not positive, `max_neighbors` of 0, an index out of
+    /// range, or a number of normals other than that of the points; [`Error::Interrupted`].
     pub fn describe(
         &self,
         cloud: &Cloud,
@@ -114,7 +114,7 @@ impl Surface<'_> {
         let most = self.fpfh.max_neighbors.unwrap_or(usize::MAX).min(self.points.len());
         let keeps = most.saturating_mul(self.points.len()) <= MOST_KEPT / size_of::<Share>();
         let simple = self.simple_histograms(|_| true, keeps, execution)?;
-        // In the order of the search, so that a task's points share what is in the cache.
+        // In the order of the search, so that the points of a task share the cache.
         let weigh = |ball: &mut Ball, position| self.weigh(&simple, position, ball);
         let rows = map(self.points.len(), [0.0; LENGTH], execution, weigh)?;
         let mut sorted = memory::filled([0.0; LENGTH], rows.len())?;
@@ -129,7 +129,7 @@ impl Surface<'_> {
         map(keypoints.len(), (), execution, |ball, row| {
             let own = position_of[keypoints[row]];
             self.neighbors(own, ball)?;
-            // Points that coincide with it may leave it no place in its own ball.
+            // Coincident points may exclude the point from its own ball, which holds the nearest only.
             is_near[own].store(true, Ordering::Relaxed);
             ball.positions().iter().for_each(|&near| is_near[near as usize].store(true, Ordering::Relaxed));
             Ok(())
@@ -141,8 +141,8 @@ impl Surface<'_> {
         })
     }
 
-    /// Simple histograms of the points that are needed, zero for others, in the order of the search; with their neighbours,
-    /// if it `keeps` them.
+    /// Simple histograms of the needed points, zero for others, in the order of the search; with their
+    /// neighbours if `keeps` is set.
     fn simple_histograms(
         &self,
         is_needed: impl Fn(usize) -> bool + Sync,
@@ -159,7 +159,7 @@ impl Surface<'_> {
         })
     }
 
-    /// Shares of a point's pairs with its neighbours.
+    /// Simple histogram of a point's pairs with its neighbours.
     fn simple_histogram(&self, position: usize, ball: &Ball) -> Row {
         let mut counts = Counts::default();
         pair_angles::count(position as u32, ball, &self.normals, &mut counts);
@@ -174,7 +174,7 @@ impl Surface<'_> {
         row
     }
 
-    /// What the points of a ball count, apart from those in its centre: the inverse of their squared distance.
+    /// Weights of the points of a ball, without those at its centre: the inverse of their squared distance.
     fn shares(&self, ball: &Ball) -> Result<Vec<Share>> {
         let unit = self.search.radius() * self.search.radius();
         let near = ball.squared_distances().iter().zip(ball.positions());
@@ -186,7 +186,7 @@ impl Surface<'_> {
         )
     }
 
-    /// Sums up the neighbours' histograms, each weighted by the inverse of its squared distance.
+    /// Sums the neighbours' histograms, weighted by their inverse squared distance.
     fn weigh(&self, simple: &[Simple], position: usize, ball: &mut Ball) -> Result<Row> {
         if is_missing(&self.normals[position]) {
             return Ok([f32::NAN; LENGTH]);
@@ -213,7 +213,7 @@ impl Surface<'_> {
         Ok(row)
     }
 
-    /// Makes each histogram sum up to 100, and adds the point's own if the convention has it.
+    /// Scales each histogram to a sum of 100, and adds the point's own in the `Open3d` convention.
     fn scale(&self, row: &mut Row, own: &Row) {
         let added = if self.fpfh.convention == Convention::Open3d { 1.0 } else { 0.0 };
         for (part, own) in row.chunks_exact_mut(BINS).zip(own.chunks_exact(BINS)) {
@@ -232,7 +232,7 @@ fn is_missing(normal: &Vector3<f64>) -> bool {
     normal.x.is_nan()
 }
 
-/// So many results, each `value` until it is computed.
+/// Computes `count` results in parallel, with `value` as the placeholder.
 fn map<T: Send + Clone>(
     count: usize,
     value: T,

@@ -1,8 +1,9 @@
-//! Harris 3D keypoints (H3D): where normals vary in all directions, as PCL's `HarrisKeypoint3D`.
+//! Harris 3D keypoints (H3D): points whose neighbourhood has normals in all directions, as PCL's
+//! `HarrisKeypoint3D`.
 //!
-//! Around every point the mean `C` of `n n^T` over the normals within a radius is a 3x3 structure tensor;
-//! a response made of its invariants is suppressed to its local maxima. (Sipiran and Bustos' original
-//! works on mesh rings and a fitted quadric; the paper's evaluation used PCL.) Cost O(N k).
+//! The structure tensor of a point is the 3x3 mean `C` of `n n^T` over the normals within a radius. A
+//! response computed from its invariants is reduced to its local maxima. (Sipiran and Bustos' original uses
+//! mesh rings and a fitted quadric; the paper's evaluation used PCL.) Cost O(N k).
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
@@ -15,14 +16,14 @@ use crate::geometry::symmetric::eigen;
 use crate::memory;
 use crate::points::Points;
 
-/// Weight of the squared trace, and the constant that PCL adds to make flat regions zero.
+/// Weight of the squared trace, and the constant added by PCL, which makes flat regions zero.
 const HARRIS_WEIGHT: f64 = 0.04;
 
 /// Resolution of PCL's single-precision response near 0.04. Responses are rounded to it, so that flat
 /// neighbourhoods tie instead of ranking rounding errors.
 const RESPONSE_STEP: f64 = 1.0 / (1 << 28) as f64;
 
-/// What is made of the structure tensor `C`.
+/// Response as a function of the structure tensor `C`.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Response {
     /// `0.04 + det C - 0.04 (trace C)^2`.
@@ -41,33 +42,33 @@ pub enum Response {
 /// The detector and its parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Harris3d {
-    /// Radius of normals (where none are given) and of the response, in the unit of the data.
+    /// Radius of the response, and of the normals if none are given, in the unit of the data.
     pub radius: f64,
     /// Radius of the non-maximum suppression; PCL has one radius for all three.
     pub nms_radius: f64,
-    /// What is maximised.
+    /// The response to maximize.
     pub response: Response,
-    /// Points with a smaller response are no keypoints.
+    /// Points with a smaller response are not keypoints.
     pub threshold: f64,
-    /// Of equal responses within the radius keep the lowest index only; PCL keeps all.
+    /// Keep only the lowest index of equal responses within the radius; PCL keeps all.
     pub break_ties: bool,
-    /// Change `nms_radius` until about this many keypoints remain.
+    /// Adapt `nms_radius` until about this many keypoints remain.
     pub count: Option<usize>,
 }
 
 impl Harris3d {
-    /// PCL's defaults, with one radius for everything.
+    /// PCL's defaults, with one radius for all purposes.
     pub fn new(radius: f64) -> Self {
         let response = Response::default();
         Self { radius, nms_radius: radius, response, threshold: 0.0, break_ties: false, count: None }
     }
 
-    /// Ascending indices of the keypoints. `normals`, one per point, may hold NaN; their sign does not
-    /// matter. Where there are none, planes are fitted within the radius.
+    /// Ascending indices of the keypoints. `normals`, one per point, may hold NaN; their sign is ignored.
+    /// Without normals, planes are fitted within the radius.
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] for lengths that are not positive, a threshold that is not a number, or a
-    /// wrong number of normals; [`Error::Interrupted`].
+    /// [`Error::InvalidInput`] for lengths that are not positive, a NaN threshold, or a wrong number of
+    /// normals; [`Error::Interrupted`].
     pub fn detect(
         &self,
         cloud: &Cloud,
@@ -87,7 +88,7 @@ impl Harris3d {
         }
     }
 
-    /// The response at every point; 0 where there is no normal within the radius.
+    /// The response at every point; 0 without a normal within the radius.
     ///
     /// # Errors
     /// As [`Self::detect`].
@@ -152,7 +153,7 @@ impl Response {
     }
 }
 
-/// Accepts as many normals as there are points.
+/// Checks that there are as many normals as points.
 pub(crate) fn check_normals(points: &Points, normals: Option<&[Vector3<f64>]>) -> Result<()> {
     let Some(normals) = normals else { return Ok(()) };
     if normals.len() == points.len() {
@@ -166,7 +167,7 @@ pub(crate) fn check_normals(points: &Points, normals: Option<&[Vector3<f64>]>) -
 mod tests {
     use super::*;
 
-    /// Three faces of a cube, which meet in the corner at the origin.
+    /// Three faces of a cube with the common corner at the origin.
     fn corner() -> Vec<[f64; 3]> {
         let mut rows = Vec::new();
         for i in 0..10 {

@@ -1,8 +1,8 @@
-//! Intrinsic shape signatures (Zhong, ICCV workshops 2009): keypoints where the neighbourhood spreads in
-//! all three directions, and differently in each.
+//! Intrinsic shape signatures (Zhong, ICCV workshops 2009): keypoints whose neighbourhood extends in all
+//! three directions, by different amounts.
 //!
-//! Defaults follow PCL's `ISSKeypoint3D`: the scatter is taken about the point itself, unweighted; the
-//! smallest eigenvalue is the saliency. Cost O(N k).
+//! Defaults follow PCL's `ISSKeypoint3D`: the scatter is about the point itself, unweighted; the smallest
+//! eigenvalue is the saliency. Cost O(N k).
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -14,10 +14,10 @@ use crate::features::normals::{add_products, symmetric};
 use crate::geometry::ball_search::{Ball, BallSearch};
 use crate::geometry::symmetric::eigen;
 
-/// Below this share of the largest eigenvalue the smallest is a rounding error: points on a plane.
+/// The smallest eigenvalue below this share of the largest is a rounding error: coplanar points.
 const FLAT: f64 = 1e-13;
 
-/// What a neighbourhood's scatter is taken about.
+/// Centre of a neighbourhood's scatter.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Covariance {
     /// The point itself; a sum, not divided by the count (PCL).
@@ -40,12 +40,12 @@ pub struct Iss {
     pub gamma_32: f64,
     /// Least number of points in either radius, the point itself included.
     pub min_neighbors: usize,
-    /// Weight neighbours by the inverse of their own number of neighbours, as in the original paper; the
-    /// scatter is then divided by the sum of weights.
+    /// Weight neighbours by their inverse number of neighbours, as in the original paper; the scatter is then
+    /// divided by the sum of weights.
     pub density_weight: bool,
-    /// What the scatter is taken about.
+    /// Centre of the scatter.
     pub covariance: Covariance,
-    /// Change `nms_radius` until about this many keypoints remain.
+    /// Adapt `nms_radius` until about this many keypoints remain.
     pub count: Option<usize>,
 }
 
@@ -80,7 +80,7 @@ impl Iss {
         }
     }
 
-    /// The smallest eigenvalue at every point; 0 where a test fails.
+    /// The smallest eigenvalue at every point; 0 if a test fails.
     ///
     /// # Errors
     /// As [`Self::detect`].
@@ -137,7 +137,7 @@ impl Iss {
 mod tests {
     use super::*;
 
-    /// A box's corner region: three faces of different extent.
+    /// Corner region of a box: three faces of different extent.
     fn corner() -> Vec<[f64; 3]> {
         let mut rows = Vec::new();
         for i in 0..12 {

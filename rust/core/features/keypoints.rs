@@ -1,4 +1,4 @@
-//! Keypoints as indices into a cloud: validation, and which of them have enough support.
+//! Keypoints as indices into a cloud: validation, and selection by support.
 
 use nalgebra::Point3;
 
@@ -8,10 +8,10 @@ use crate::execution::Execution;
 use crate::memory;
 use crate::points::Points;
 
-/// The points that `keypoints` name.
+/// Positions of the keypoints.
 ///
 /// # Errors
-/// [`Error::InvalidInput`] for an index beyond the cloud.
+/// [`Error::InvalidInput`] for an index out of range.
 pub fn locations(points: &Points, keypoints: &[usize]) -> Result<Vec<Point3<f64>>> {
     for (row, &index) in keypoints.iter().enumerate() {
         if index >= points.len() {
@@ -27,7 +27,7 @@ pub fn locations(points: &Points, keypoints: &[usize]) -> Result<Vec<Point3<f64>
 /// The paper's authors drop keypoints with fewer than 10 points within 15 pr.
 ///
 /// # Errors
-/// [`Error::InvalidInput`] for a radius that is not positive, or an index beyond the cloud;
+/// [`Error::InvalidInput`] for a radius that is not positive, or an index out of range;
 /// [`Error::Interrupted`].
 pub fn drop_isolated(
     cloud: &Cloud,

@@ -1,5 +1,6 @@
-//! LFSH-30, local feature statistics histograms (Yang, Cao, Zhang, Information Sciences 2016): how deep, how far
-//! from the normal's axis and how bent the surface around a keypoint is. Cost O(m k).
+//! LFSH-30, local feature statistics histograms (Yang, Cao, Zhang, Information Sciences 2016): histograms of
+//! depth, horizontal distance to the normal's axis, and deviation angle of normals around a keypoint. Cost
+//! O(m k).
 
 use nalgebra::Vector3;
 
@@ -15,7 +16,7 @@ pub const LENGTH: usize = DEPTH_BINS + RADIUS_BINS + ANGLE_BINS;
 const DEPTH_BINS: usize = 10;
 const RADIUS_BINS: usize = 5;
 const ANGLE_BINS: usize = 15;
-/// Fewer points in the ball, the keypoint included, make a zero descriptor.
+/// A ball with fewer points, the keypoint included, has a zero descriptor.
 const MIN_POINTS: usize = 6;
 
 /// The descriptor and its parameter.
@@ -26,13 +27,13 @@ pub struct Lfsh {
 }
 
 impl Lfsh {
-    /// One descriptor per keypoint: three histograms, each divided by the number of points. Zero with
-    /// fewer than 6 points, NaN where the keypoint has no normal; neighbours without a normal are left
-    /// out of the angles.
+    /// Computes one descriptor per keypoint: three histograms, each divided by the number of points. Zero
+    /// with fewer than 6 points, NaN if the keypoint has no normal; neighbours without a normal are skipped
+    /// in the angles.
     ///
     /// # Errors
-    /// [`crate::Error::InvalidInput`] for a radius that is not positive, an index beyond the cloud, or a
-    /// wrong number of normals; [`crate::Error::Interrupted`].
+    /// [`crate::Error::InvalidInput`] for a radius that is not positive, an index out of range, or a wrong
+    /// number of normals; [`crate::Error::Interrupted`].
     pub fn describe(
         self,
         cloud: &Cloud,

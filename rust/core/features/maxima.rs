@@ -1,4 +1,4 @@
-//! Non-maximum suppression: keypoints are where a score is greatest within a radius.
+//! Non-maximum suppression: keypoints are the maxima of a score within a radius.
 
 use rayon::prelude::*;
 
@@ -9,23 +9,23 @@ use crate::geometry::ball_search::BallSearch;
 use crate::memory;
 use crate::points::Points;
 
-/// Halvings of the radius' bracket when a number of keypoints is asked for.
+/// Bisection steps of the radius if a number of keypoints is requested.
 const BISECTIONS: usize = 24;
-/// Queries that one task takes.
+/// Queries per task.
 const QUERIES_PER_TASK: usize = 128;
 
-/// Which points survive.
+/// Rule of the suppression.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Suppression {
     /// A point is compared with all others nearer than this, in the unit of the data.
     pub radius: f64,
     /// Points with fewer neighbours in that radius, themselves included, are dropped.
     pub min_neighbors: usize,
-    /// Of equal scores only the lowest index survives; otherwise all of them do, as in PCL.
+    /// Keep only the lowest index of equal scores; otherwise keep all, as PCL.
     pub break_ties: bool,
 }
 
-/// Ascending indices of the candidates that no point within the radius exceeds.
+/// Ascending indices of the candidates with the greatest score within the radius.
 ///
 /// Candidates are the points whose score is not NaN and satisfies `is_candidate`.
 ///
@@ -64,7 +64,7 @@ pub fn maxima_of_about(
     let mut best: Vec<usize> = Vec::new();
     let (mut low, mut high) = (0.0, f64::INFINITY);
     for _ in 0..BISECTIONS {
-        // Not kept by the cloud: the radii tried here are nobody else's.
+        // Not cached by the cloud: no other step uses the radii tried here.
         search =
             if search.serves(radius) { search.narrowed(radius) } else { BallSearch::new(points, radius)? };
         let maxima = unbeaten(&search, scores, &among, rule.break_ties, execution)?;
@@ -78,7 +78,8 @@ pub fn maxima_of_about(
         }
         if is_dense {
             low = radius;
-            // What is beaten within this radius is beaten within all larger ones, which alone follow.
+            // A point suppressed within this radius is suppressed within the larger ones, and only these
+            // follow.
             among = members(&maxima, points.len())?;
         } else {
             high = radius;
@@ -91,12 +92,12 @@ pub fn maxima_of_about(
     Ok(best)
 }
 
-/// Which points have a score and satisfy the test.
+/// Mask of the points that have a score and satisfy the test.
 fn candidates(scores: &[f64], is_candidate: impl Fn(f64) -> bool) -> Result<Vec<bool>> {
     memory::collect(scores.iter().map(|&score| !score.is_nan() && is_candidate(score)))
 }
 
-/// Which of `len` points are listed.
+/// Mask of the listed indices among `len` points.
 fn members(indices: &[usize], len: usize) -> Result<Vec<bool>> {
     let mut mask = memory::filled(false, len)?;
     for &index in indices {
@@ -105,7 +106,7 @@ fn members(indices: &[usize], len: usize) -> Result<Vec<bool>> {
     Ok(mask)
 }
 
-/// Ascending indices of those `among` the points that no point within the search's radius exceeds.
+/// Ascending indices of the points in `among` that no point within the search's radius exceeds.
 fn unbeaten(
     search: &BallSearch,
     scores: &[f64],
@@ -135,7 +136,7 @@ fn unbeaten(
     Ok(indices)
 }
 
-/// Those of the points `indices` that have at least so many neighbours within the search's radius.
+/// The points of `indices` with at least `least` neighbours within the search's radius.
 fn supported(
     points: &Points,
     search: &BallSearch,
@@ -151,7 +152,7 @@ fn supported(
     memory::collect(indices.iter().zip(counts).filter(|&(_, count)| count >= min_neighbors).map(|(&i, _)| i))
 }
 
-/// Between the brackets in the geometric mean; without an upper one, twice the lower.
+/// Geometric mean of the brackets; twice the lower one if there is no upper one.
 fn next_radius(low: f64, high: f64) -> f64 {
     if high.is_infinite() {
         return 2.0 * low;
@@ -205,7 +206,7 @@ mod tests {
         for min_neighbors in [1, 4] {
             let rule = Suppression { min_neighbors, ..rule(0.1) };
             let found = maxima_of_about(60, &cloud, &scores, |_| true, &rule, &execution)?;
-            // The same bisection, with all points and a search of its own for every radius.
+            // The same bisection, with all points and a new search for every radius.
             let (mut radius, mut low, mut high) = (rule.radius, 0.0, f64::INFINITY);
             let mut best: Vec<usize> = Vec::new();
             for _ in 0..BISECTIONS {

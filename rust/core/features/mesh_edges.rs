@@ -1,10 +1,10 @@
-//! The edges of a triangle mesh: which two faces share one.
+//! Edges of a triangle mesh shared by two faces.
 
 use crate::error::{Error, Result};
 use crate::execution::Execution;
 use crate::memory;
 
-/// Items between two looks for an interruption.
+/// Items between two checks for an interruption.
 pub(super) const STRETCH: usize = 1 << 16;
 /// No half-edge.
 const NONE: u32 = u32::MAX;
@@ -12,15 +12,15 @@ const NONE: u32 = u32::MAX;
 /// Edges that exactly two faces share. Half-edge `3 f + k` runs from vertex k of face f to its next one.
 pub(super) struct Edges<'a> {
     faces: &'a [[usize; 3]],
-    /// The other half-edge of the same edge, if there is one other.
+    /// The other half-edge of the same edge, if there is exactly one.
     twins: Vec<u32>,
 }
 
-/// A half-edge, behind the greater vertex of its edge.
+/// A half-edge, with the greater vertex of its edge first.
 type Entry = (u32, u32);
 
 impl<'a> Edges<'a> {
-    /// Of faces between so many vertices. Cost O(F), but for the sorting of each vertex' edges.
+    /// Edges of faces between `vertices` vertices. Cost O(F), plus the sorting of each vertex' edges.
     ///
     /// # Errors
     /// [`Error::InvalidInput`] for more than 2^32 half-edges or vertices; [`Error::Interrupted`],
@@ -50,12 +50,13 @@ impl<'a> Edges<'a> {
         Ok(Self { faces, twins })
     }
 
-    /// Whether a face has an edge that it shares with no face, or with more than one.
+    /// Whether a face has an edge that is not shared with exactly one other face.
     pub fn is_border(&self, face: usize) -> bool {
         self.twins[3 * face..3 * face + 3].contains(&NONE)
     }
 
-    /// The faces next to a face, in the order of their edges' vertices, and whether both run the edge the same way.
+    /// The adjacent faces of a face, in the order of its edges, and whether both traverse the edge in the
+    /// same direction.
     pub fn around(&self, face: usize) -> impl Iterator<Item = (usize, bool)> {
         let mut own = [0, 1, 2].map(|k| {
             let (from, to) = half_edge(&self.faces[face], k);
@@ -79,7 +80,7 @@ fn half_edge(face: &[usize; 3], k: usize) -> (usize, usize) {
     (face[k], face[(k + 1) % 3])
 }
 
-/// All half-edges, sorted by the lower vertex of their edge, and where those of each vertex end.
+/// All half-edges, sorted by the lower vertex of their edge, and the end of each vertex' range.
 fn by_lower_vertex(
     faces: &[[usize; 3]],
     vertices: usize,
@@ -109,6 +110,6 @@ fn by_lower_vertex(
             }
         }
     }
-    // Each place has moved on from where the vertex' edges begin to where they end.
+    // Each position has advanced from the start of the vertex' range to its end.
     Ok((entries, places))
 }

@@ -1,8 +1,8 @@
 //! Vertex normals of a triangle mesh: area-weighted means of the faces' normals, consistently oriented.
 //!
-//! Scans and models are stored with either winding, and now and then with both. Faces are therefore
-//! turned alike within every connected part: outwards where the part is closed, else as most of its area
-//! is wound. Cost O(F), but for the sorting of each vertex' edges.
+//! Scans and models are stored with either winding, and sometimes with both. Faces are therefore oriented
+//! consistently within every connected part: outwards if the part is closed, else like most of its area. Cost
+//! O(F), plus the sorting of each vertex' edges.
 
 use nalgebra::Vector3;
 
@@ -15,7 +15,7 @@ use crate::points::Points;
 /// Unit normals, one per point; NaN at points without a face of positive area.
 ///
 /// # Errors
-/// [`Error::InvalidInput`] for a face with an index beyond the cloud, or more than 2^32 corners;
+/// [`Error::InvalidInput`] for a face with an index out of range, or more than 2^32 corners;
 /// [`Error::Interrupted`], [`Error::OutOfMemory`].
 pub fn mesh_normals(
     points: &Points,
@@ -47,12 +47,12 @@ fn check_faces(points: &Points, faces: &[[usize; 3]]) -> Result<()> {
     Err(Error::invalid("faces", format!("{:?} in row {row}", faces[row]), remedy))
 }
 
-/// Normal of a face, twice its area long.
+/// Normal of a face, scaled to twice its area.
 fn area_vector(points: &Points, &[a, b, c]: &[usize; 3]) -> Vector3<f64> {
     (points.get(b) - points.get(a)).cross(&(points.get(c) - points.get(a)))
 }
 
-/// +1 where a face's winding is kept, -1 where it is turned.
+/// +1 for faces whose winding is kept, -1 for reversed ones.
 fn orientations(points: &Points, faces: &[[usize; 3]], execution: &Execution) -> Result<Vec<i8>> {
     let edges = Edges::new(faces, points.len(), execution)?;
     let mut signs = memory::filled(0, faces.len())?;
@@ -77,7 +77,7 @@ fn orientations(points: &Points, faces: &[[usize; 3]], execution: &Execution) ->
     Ok(signs)
 }
 
-/// Gives all faces connected to `seed` the sign that agrees with it, and lists them in `part`.
+/// Propagates the sign of `seed` to all connected faces, and lists them in `part`.
 fn spread(
     seed: usize,
     edges: &Edges<'_>,
@@ -105,7 +105,7 @@ fn spread(
     Ok(())
 }
 
-/// Six times the volume between a face and the cloud's centre.
+/// Six times the signed volume between a face and the cloud's centre.
 fn signed_volume(points: &Points, face: &[usize; 3]) -> f64 {
     points.get(face[0]).coords.dot(&area_vector(points, face))
 }

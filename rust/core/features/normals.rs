@@ -1,7 +1,7 @@
 //! Surface normals: plane fits to neighbourhoods, or averages over a mesh's faces.
 //!
-//! As PCL's `NormalEstimation`: the eigenvector of the smallest eigenvalue of the neighbourhood's
-//! covariance, turned towards a viewpoint. The point itself belongs to its neighbourhood.
+//! As PCL's `NormalEstimation`: the eigenvector of the smallest eigenvalue of the neighbourhood's covariance,
+//! oriented towards a viewpoint. The point itself belongs to its neighbourhood.
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
@@ -11,21 +11,21 @@ use crate::execution::Execution;
 use crate::geometry::ball_search::BallSearch;
 use crate::geometry::symmetric::{Eigen, eigen};
 
-/// Below this share of the largest eigenvalue the middle one counts as zero: points on a line.
+/// The middle eigenvalue below this share of the largest counts as zero: collinear points.
 const COLLINEAR: f64 = 1e-12;
 
-/// Which points a plane is fitted to.
+/// Points that a plane is fitted to.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Neighborhood {
     /// This many nearest points, the point itself included.
     Nearest(usize),
     /// All points nearer than this, the point itself included.
     Radius(f64),
-    /// Of the points nearer than the radius, the point itself included, this many nearest ones.
+    /// At most this many nearest points within the radius, the point itself included.
     NearestWithin(usize, f64),
 }
 
-/// A plane fit. NaN where fewer than three points, or points on one line, leave it open.
+/// A plane fit. NaN for fewer than three points, or collinear ones.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Surface {
     /// Unit normal.
@@ -40,8 +40,8 @@ impl Default for Surface {
     }
 }
 
-/// Fits a plane to the neighbourhood of every point; normals point to the side of `viewpoint`, which is
-/// in the data's own coordinates. Cost O(N log N + N k).
+/// Fits a plane to the neighbourhood of every point; normals are oriented towards `viewpoint`, which is in
+/// the data's own coordinates. Cost O(N log N + N k).
 ///
 /// # Errors
 /// [`crate::Error::InvalidInput`] for a radius that is not positive or fewer than one neighbour;
@@ -84,14 +84,14 @@ fn fit_balls(search: &BallSearch, execution: &Execution) -> Result<Vec<Surface>>
 
 /// Mean and principal axes of points given relative to one of them.
 pub(crate) struct Scatter {
-    /// Of the points.
+    /// Mean of the points.
     pub mean: Vector3<f64>,
     /// Variances along the axes, ascending, and the axes.
     pub axes: Eigen,
 }
 
-/// Scatter of points given relative to one of them, which is counted too if it `adds_itself`; none for fewer than three, or
-/// points on a line.
+/// Scatter of points given relative to one of them, which is included if `adds_itself` is set; `None` for
+/// fewer than three points, or collinear ones.
 pub(crate) fn scatter(offsets: impl Iterator<Item = Vector3<f64>>, adds_itself: bool) -> Option<Scatter> {
     let mut count = usize::from(adds_itself);
     let mut sum = Vector3::zeros();
@@ -111,7 +111,7 @@ pub(crate) fn scatter(offsets: impl Iterator<Item = Vector3<f64>>, adds_itself: 
     (middle > COLLINEAR * high && high > 0.0).then_some(Scatter { mean, axes })
 }
 
-/// Plane through points given relative to one of them, which is counted too if it `adds_itself`.
+/// Plane through points given relative to one of them, which is included if `adds_itself` is set.
 pub(super) fn fit(offsets: impl Iterator<Item = Vector3<f64>>, adds_itself: bool) -> Surface {
     let Some(Scatter { axes, .. }) = scatter(offsets, adds_itself) else { return Surface::default() };
     let [low, middle, high] = axes.values;

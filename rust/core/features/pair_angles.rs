@@ -1,4 +1,4 @@
-//! The angles between two oriented points that FPFH counts, for many neighbours of one point at once.
+//! The angles between two oriented points that FPFH counts, vectorized over the neighbours of one point.
 
 #![expect(clippy::inline_always, reason = "must take on the vector features of the loop it stands in")]
 
@@ -12,19 +12,19 @@ use crate::simd;
 
 /// Bins of each angle.
 pub(super) const BINS: usize = 11;
-/// Share by which two numbers may differ and be equal but for rounding, which must not decide: points with the same
+/// Relative tolerance for numbers that are equal up to rounding, which must not decide: points with the same
 /// neighbours have the same normal.
 const TIE: f64 = 1e-6;
-/// Pairs that are computed at once.
+/// Pairs computed at once.
 const LANES: usize = 16;
 
-/// Histograms of theta, alpha and phi, one after the other.
+/// Concatenated histograms of theta, alpha and phi.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Counts {
     pub bins: [[u32; BINS]; 3],
-    /// Pairs of two points with normals.
+    /// Number of pairs of two points with normals.
     pub pairs: u32,
-    /// Those of them that have angles.
+    /// Number of pairs that have angles.
     counted: u32,
 }
 
@@ -37,13 +37,13 @@ impl Counts {
     }
 }
 
-/// Lines to up to [`LANES`] neighbours, and their normals, by coordinate.
+/// Lines to up to [`LANES`] neighbours, and the neighbours' normals, by coordinate.
 struct Pairs {
     line: [[f64; LANES]; 3],
     normal: [[f64; LANES]; 3],
 }
 
-/// Counts the pairs of the point at `own` with the others of its ball that have a normal.
+/// Counts the pairs of the point at `own` with the other points of its ball that have a normal.
 pub(super) fn count(own: u32, ball: &Ball, normals: &[Vector3<f64>], counts: &mut Counts) {
     let normal = normals[own as usize];
     simd::run(
@@ -68,9 +68,9 @@ pub(super) fn count(own: u32, ball: &Ball, normals: &[Vector3<f64>], counts: &mu
     );
 }
 
-/// Adds the first `filled` pairs: alpha = v.n', phi = u.d, theta = atan2(w.n', u.n') in the Darboux frame u = n,
-/// v = d x u, w = u x v at that point whose normal is closer to the line d, the own point where neither is. There are none where points coincide or
-/// the line runs along that normal.
+/// Adds the first `filled` pairs: alpha = v.n', phi = u.d, theta = atan2(w.n', u.n') in the Darboux frame u =
+/// n, v = d x u, w = u x v at the point whose normal is closer to the line d, at the own point on a tie.
+/// Pairs of coincident points, and pairs whose line is parallel to that normal, have no angles.
 #[inline(always)]
 fn add(pairs: &Pairs, filled: usize, normal: &Vector3<f64>, counts: &mut Counts) {
     let mut bins = [[0.0; LANES]; 3];
@@ -81,7 +81,7 @@ fn add(pairs: &Pairs, filled: usize, normal: &Vector3<f64>, counts: &mut Counts)
         let own = [normal.x, normal.y, normal.z];
         let (near, far) = (dot(own, d), dot(other, d));
         let is_other = near.abs() < far.abs() * (1.0 - TIE);
-        // The line changes its sign with the end that it is seen from.
+        // The sign of the line depends on the end it starts from.
         let u = [0, 1, 2].map(|k| if is_other { other[k] } else { own[k] });
         let n = [0, 1, 2].map(|k| if is_other { own[k] } else { other[k] });
         let sign = if is_other { -1.0 } else { 1.0 };
@@ -91,7 +91,7 @@ fn add(pairs: &Pairs, filled: usize, normal: &Vector3<f64>, counts: &mut Counts)
         let phi = sign * (if is_other { far } else { near }) / dot(d, d).sqrt();
         let alpha = sign * dot(v, n) / length;
         let (across, along) = (sign * dot(cross(u, v), n), dot(u, n) * length);
-        // Of opposite normals half a turn, never minus that.
+        // Opposite normals give pi, never -pi.
         let theta = atan2(if across.abs() <= TIE * along.abs() { 0.0 } else { across }, along);
         bins[0][lane] = (theta + PI) / (2.0 * PI);
         bins[1][lane] = 0.5 * (alpha + 1.0);
@@ -99,7 +99,7 @@ fn add(pairs: &Pairs, filled: usize, normal: &Vector3<f64>, counts: &mut Counts)
         squares[lane] = square;
     }
     for lane in 0..filled {
-        // Counted and not asked for, so that there is no branch to mispredict; NaN is bin 0.
+        // The weight avoids a branch that would be mispredicted; NaN is bin 0.
         let weight = u32::from(squares[lane] > 0.0);
         for (part, shares) in counts.bins.iter_mut().zip(&bins) {
             part[((shares[lane] * BINS as f64) as usize).min(BINS - 1)] += weight;

@@ -1,5 +1,5 @@
-//! RCS-72, rotational contour signatures (Yang, Zhang, Xian, Xiao, Cao, CVIU 2017): the outline of the
-//! local surface, seen from six directions. Cost O(m k).
+//! RCS-72, rotational contour signatures (Yang, Zhang, Xian, Xiao, Cao, CVIU 2017): contours of the local
+//! surface projected along six directions. Cost O(m k).
 
 use std::f64::consts::FRAC_PI_6;
 
@@ -22,9 +22,9 @@ const CONTOUR_POINTS: usize = 12;
 const LANES: usize = 16;
 /// Angle from one view to the next, and from one contour point to the next.
 const STEP: f64 = FRAC_PI_6;
-/// Part of a contour point's sector that counts: 16 degrees of 30, as whole degrees up to 15 do.
+/// Share of a contour point's sector that is used: 16 degrees of 30, as for whole degrees up to 15.
 const WINDOW: f64 = 16.0 / 30.0;
-/// z from half the radius; x pulled by the sign of the height.
+/// z from half the radius; x weighted by the sign of the height.
 const RECIPE: Recipe = Recipe { inner_share: 0.5, is_signed: true };
 
 /// The descriptor and its parameter.
@@ -35,11 +35,11 @@ pub struct Rcs {
 }
 
 impl Rcs {
-    /// One descriptor per keypoint, each value a share of the radius; zero where there are too few points
-    /// for a frame (4 within half the radius, 11 within all of it) or the surface is a plane.
+    /// Computes one descriptor per keypoint, each value a share of the radius; zero if there are too few
+    /// points for a frame (4 within half the radius, 11 within all of it) or the surface is a plane.
     ///
     /// # Errors
-    /// [`crate::Error::InvalidInput`] for a radius that is not positive, or an index beyond the cloud;
+    /// [`crate::Error::InvalidInput`] for a radius that is not positive, or an index out of range;
     /// [`crate::Error::Interrupted`].
     pub fn describe(
         self,
@@ -70,7 +70,7 @@ impl Rcs {
     }
 }
 
-/// Extends the contour, as squared distances, to up to [`LANES`] points seen along the third axis.
+/// Extends the contour, as squared distances, by up to [`LANES`] points projected along the third axis.
 #[inline(always)]
 #[expect(clippy::inline_always, reason = "must take on the vector features of its caller")]
 fn extend(contour: &mut [f64], offsets: &[[f64; 3]], axes: &Matrix3<f64>) {
@@ -94,7 +94,7 @@ fn extend(contour: &mut [f64], offsets: &[[f64; 3]], axes: &Matrix3<f64>) {
     }
 }
 
-/// Turn by the same angle about z, y and x in that order, of the axes and not of the points.
+/// Rotation by the same angle about z, y and x in that order, of the axes and not of the points.
 fn rotation(angle: f64) -> Matrix3<f64> {
     let (s, c) = angle.sin_cos();
     Matrix3::new(
@@ -144,7 +144,7 @@ mod tests {
         let row = Rcs { radius: 1.0 }.contours(&ball, &Matrix3::identity());
         assert!((row[0] - 0.5001).abs() < 1e-4);
         assert!((row[9] - 0.4001).abs() < 1e-4);
-        // 135 degrees lies in the second half of its degree window: 15 of 30.
+        // 135 degrees lies in the second half of its one-degree window: 15 of 30.
         assert!((row[4] - 0.2828).abs() < 1e-4);
         assert!(row[1].abs() < 1e-9 && row[5].abs() < 1e-9);
     }

@@ -1,9 +1,8 @@
 //! SHOT-352 (Tombari, Salti, Di Stefano, ECCV 2010; Salti et al., CVIU 2014), as PCL's `SHOTEstimation`.
 //!
 //! A ball around the keypoint is divided into 8 sectors in azimuth, 2 shells in radius and 2 halves in
-//! elevation; each of the 32 volumes holds 11 bins of the cosine between a neighbour's normal and the
-//! frame's z axis. A neighbour's vote is spread over the adjacent bins, one dimension at a time. Cost
-//! O(m k).
+//! elevation; each of the 32 volumes holds 11 bins of the cosine between a neighbour's normal and the frame's
+//! z axis. A neighbour's vote is interpolated between adjacent bins, one dimension at a time. Cost O(m k).
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
@@ -22,16 +21,16 @@ use crate::simd;
 
 /// Length of the descriptor.
 pub const LENGTH: usize = 352;
-/// Bins of the cosine in each volume, and the highest of them.
+/// Bins of the cosine in each volume, and the index of the last.
 const STEPS: usize = 11;
 const LAST_STEP: usize = STEPS - 1;
-/// Volumes from one sector to the next, from one shell to the next.
+/// Index offset of the next sector and of the next shell.
 const SECTOR: usize = 4;
 const SHELL: usize = 2;
 const VOLUMES: usize = 32;
 /// Neighbours whose angles are computed at once.
 const LANES: usize = 16;
-/// Fewer points than this in the ball, the keypoint included, make no descriptor.
+/// A ball with fewer points, the keypoint included, has no descriptor.
 const MIN_POINTS: usize = 5;
 
 /// The descriptor and its parameters.
@@ -39,23 +38,23 @@ const MIN_POINTS: usize = 5;
 pub struct Shot {
     /// Radius of the support, in the unit of the data; the paper's is 15 pr.
     pub radius: f64,
-    /// Wrap the cosine's interpolation past bin 9 to bin 0, as PCL does; otherwise on to bin 10.
+    /// Wrap the cosine's interpolation from bin 9 to bin 0, as PCL does; otherwise continue to bin 10.
     pub pcl_compat: bool,
 }
 
 impl Shot {
-    /// PCL's form.
+    /// The descriptor as in PCL.
     pub fn new(radius: f64) -> Self {
         Self { radius, pcl_compat: true }
     }
 
-    /// One descriptor of unit length per keypoint; NaN where there is no frame or fewer than 5 points,
-    /// zero where no neighbour has a normal. SHOT's own frames of the same radius are used where none
-    /// are given.
+    /// Computes one descriptor of unit length per keypoint; NaN without a frame or with fewer than 5 points,
+    /// zero if no neighbour has a normal. Without given frames, SHOT's own frames of the same radius are
+    /// used.
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] for a radius that is not positive, an index beyond the cloud, or a wrong
-    /// number of normals or frames; [`Error::Interrupted`].
+    /// [`Error::InvalidInput`] for a radius that is not positive, an index out of range, or a wrong number of
+    /// normals or frames; [`Error::Interrupted`].
     pub fn describe(
         &self,
         cloud: &Cloud,
@@ -99,7 +98,7 @@ impl Shot {
         normalized(&bins)
     }
 
-    /// Adds one neighbour: a home bin, and one adjacent bin per dimension.
+    /// Adds the votes of one neighbour: its own bin, and one adjacent bin per dimension.
     fn vote(&self, bins: &mut [f64; LENGTH], place: &Place, cosine: f64) {
         let is_outer = place.distance > 0.5 * self.radius;
         let sector = (place.azimuth as u32).min(7);
@@ -112,11 +111,11 @@ impl Shot {
         // Cosine.
         let u = scaled - f64::from(step);
         bins[volume * STEPS + self.adjacent_step(row, u > 0.0)] += u.abs();
-        // Radius: the other shell takes part where it is the nearer neighbour.
+        // Radius: the other shell, if it is closer.
         let middle = if is_outer { 0.75 } else { 0.25 };
         let g = 2.0 * place.distance / self.radius - 2.0 * middle;
         bins[(volume ^ SHELL) * STEPS + row] += if is_outer == (g < 0.0) { g.abs() } else { 0.0 };
-        // Elevation, likewise.
+        // Elevation: the other half, if it is closer.
         let middle = if is_upper { FRAC_PI_4 } else { 3.0 * FRAC_PI_4 };
         let e = (place.inclination - middle) / FRAC_PI_2;
         bins[(volume ^ 1) * STEPS + row] += if is_upper == (e > 0.0) { e.abs() } else { 0.0 };
@@ -133,13 +132,13 @@ impl Shot {
         match (is_above, step) {
             (true, 9) if self.pcl_compat => 0,
             (true, _) => (step + 1).min(LAST_STEP),
-            // Only an exact -1 comes here with step 0, and adds nothing.
+            // Only an exact -1 has step 0, and its weight is zero.
             (false, _) => step.saturating_sub(1),
         }
     }
 }
 
-/// Where a neighbour lies in the frame.
+/// Position of a neighbour in the frame.
 #[derive(Debug, Clone, Copy, Default)]
 struct Place {
     distance: f64,
@@ -152,7 +151,7 @@ struct Place {
     inclination: f64,
 }
 
-/// Places of up to [`LANES`] neighbours; the angles, which cost most, are computed side by side.
+/// Positions of up to [`LANES`] neighbours; the angles, the most expensive part, are vectorized.
 #[inline(always)]
 #[expect(clippy::inline_always, reason = "must take on the vector features of its caller")]
 fn places(offsets: &[[f64; 3]], axes: &Matrix3<f64>) -> [Place; LANES] {
@@ -180,7 +179,7 @@ fn places(offsets: &[[f64; 3]], axes: &Matrix3<f64>) -> [Place; LANES] {
     places
 }
 
-/// Divides by the Euclidean norm, which PCL takes instead of the ECCV paper's sum; zero stays zero.
+/// Divides by the Euclidean norm, as PCL, instead of the ECCV paper's sum; zero stays zero.
 fn normalized(bins: &[f64; LENGTH]) -> [f32; LENGTH] {
     let norm = bins.iter().map(|value| value * value).sum::<f64>().sqrt();
     let factor = if norm > 0.0 { 1.0 / norm } else { 0.0 };
@@ -221,7 +220,7 @@ mod tests {
 
     #[test]
     fn votes_are_shared_one_dimension_at_a_time() {
-        // All four dimensions off the middle by a known share.
+        // All four dimensions are off the middle by a known share.
         let (s, c) = (PI / 8.0 + 0.25 * FRAC_PI_4).sin_cos();
         let elevation = FRAC_PI_4 + 0.2 * FRAC_PI_2;
         let (distance, cosine) = (2.4, 0.06);

@@ -1,8 +1,8 @@
 //! SHOT's local reference frame (Tombari, Salti, Di Stefano, ECCV 2010), as PCL's
 //! `SHOTLocalReferenceFrameEstimation`.
 //!
-//! Axes are the eigenvectors of the neighbourhood's scatter about the keypoint, weighted by nearness;
-//! x and z point to the side where most neighbours lie. Cost O(m k).
+//! Axes are the eigenvectors of the neighbourhood's scatter about the keypoint, weighted by proximity; x and
+//! z are oriented towards most of the neighbours. Cost O(m k).
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
@@ -16,16 +16,17 @@ use crate::geometry::ball_search::{Ball, BallSearch};
 use crate::geometry::symmetric::eigen;
 use crate::memory;
 
-/// Fewer neighbours than this, not counting points that coincide with the keypoint, make no frame.
+/// A ball with fewer neighbours, without points that coincide with the keypoint, has no frame.
 const MIN_NEIGHBORS: usize = 5;
 
-/// Share of the radius within which a point lies on the plane through the keypoint: rounding must not choose its side.
+/// Share of the radius below which a point lies on the plane through the keypoint: rounding must not decide
+/// its side.
 const FLAT: f64 = 1e-9;
 
 /// Frames at the keypoints, rows x, y, z; `None` with fewer than 5 neighbours within `radius`.
 ///
 /// # Errors
-/// [`crate::Error::InvalidInput`] for a radius that is not positive, or an index beyond the cloud;
+/// [`crate::Error::InvalidInput`] for a radius that is not positive, or an index out of range;
 /// [`crate::Error::Interrupted`].
 pub fn shot_frames(
     cloud: &Cloud,
@@ -38,7 +39,7 @@ pub fn shot_frames(
     search.map_at(&centers, None, execution, |i, ball| frame(&centers[i], ball, &search))
 }
 
-/// The frame of the neighbourhood of a place.
+/// The frame of the neighbourhood of a point.
 pub(super) fn frame(center: &Point3<f64>, ball: &Ball, search: &BallSearch) -> Result<Frame> {
     let mut count = 0;
     let mut total = 0.0;
@@ -48,13 +49,13 @@ pub(super) fn frame(center: &Point3<f64>, ball: &Ball, search: &BallSearch) -> R
         let is_apart = square > 0.0;
         count += usize::from(is_apart);
         total += if is_apart { weight } else { 0.0 };
-        // Points on the keypoint itself add nothing here.
+        // Points at the keypoint itself add nothing here.
         add_products(&mut products, &(ball.vector(i) * weight), &ball.vector(i));
     }
     if count < MIN_NEIGHBORS {
         return Ok(None);
     }
-    // What lies to no side points to the mean of the cloud.
+    // Axes without a majority are oriented towards the mean of the cloud.
     let axes = eigen(&(symmetric(&products) / total)).vectors;
     let axes = axes.map(|axis| if axis.dot(&center.coords) > 0.0 { -axis } else { axis });
     let z = towards_most(axes[0], ball, search, count)?;
@@ -62,7 +63,7 @@ pub(super) fn frame(center: &Point3<f64>, ball: &Ball, search: &BallSearch) -> R
     Ok(Some(Matrix3::from_rows(&[x.transpose(), z.cross(&x).transpose(), z.transpose()])))
 }
 
-/// Turns an axis to the side of most neighbours; on a tie, of most of the five at the median distance.
+/// Orients an axis towards the majority of neighbours; on a tie, of the five at the median distance.
 fn towards_most(axis: Vector3<f64>, ball: &Ball, search: &BallSearch, count: usize) -> Result<Vector3<f64>> {
     let (coincident, flat) = (ball.len() - count, -FLAT * search.radius());
     let ahead = ball.offsets().iter().filter(|&&offset| axis.dot(&Vector3::from(offset)) >= flat).count();

@@ -1,8 +1,7 @@
-//! TOLDI's local reference frame (Yang, Zhang, Xiao, Cao, Pattern Recognition 2017), and the variant of it
-//! that RCS builds on.
+//! TOLDI's local reference frame (Yang, Zhang, Xiao, Cao, Pattern Recognition 2017), and its variant for RCS.
 //!
-//! z is the normal of a plane fit to a smaller ball, pointing to the side away from most of it; x is a sum
-//! of the neighbours' projections on the tangent plane, weighted by nearness and height.
+//! z is the normal of a plane fitted to a smaller ball, oriented away from most of it; x is a sum of the
+//! neighbours' projections on the tangent plane, weighted by proximity and height.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -14,29 +13,29 @@ use crate::features::keypoints::locations;
 use crate::features::normals::fit;
 use crate::geometry::ball_search::Ball;
 
-/// Fewer points within the smaller ball, or the whole one, make no frame.
+/// Fewest points within the smaller ball and within the whole one.
 const MIN_INNER_POINTS: usize = 4;
 const MIN_POINTS: usize = 11;
 /// Heights below this share of the radius are rounding errors: a plane has no x axis.
 const FLAT: f64 = 1e-9;
 
-/// What TOLDI's frame and the one of RCS differ in.
+/// Parameters that differ between TOLDI's frame and that of RCS.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Recipe {
     /// Radius of the ball for z, as a share of the support radius.
     pub inner_share: f64,
-    /// Whether neighbours below the tangent plane pull x the other way.
+    /// Whether neighbours below the tangent plane count negatively in x.
     pub is_signed: bool,
 }
 
-/// TOLDI's own.
+/// TOLDI's parameters.
 const TOLDI: Recipe = Recipe { inner_share: 1.0 / 3.0, is_signed: false };
 
 /// Frames at the keypoints, rows x, y, z; `None` with fewer than 4 points within a third of `radius` or 11
 /// within all of it (the keypoint included), and on planes. Cost O(m k).
 ///
 /// # Errors
-/// [`crate::Error::InvalidInput`] for a radius that is not positive, or an index beyond the cloud;
+/// [`crate::Error::InvalidInput`] for a radius that is not positive, or an index out of range;
 /// [`crate::Error::Interrupted`].
 pub fn toldi_frames(
     cloud: &Cloud,
@@ -64,13 +63,13 @@ pub(super) fn frame(ball: &Ball, radius: f64, recipe: Recipe) -> Frame {
         let sign = if recipe.is_signed { height.signum() } else { 1.0 };
         sum += (offset - z * height) * (nearness * nearness * height * height * sign);
     }
-    // Once more, so that rounding leaves nothing along z.
+    // Projected again to remove the rounding error along z.
     let x = (sum - z * z.dot(&sum)).try_normalize(0.0)?;
     (highest > FLAT * radius)
         .then(|| Matrix3::from_rows(&[x.transpose(), z.cross(&x).transpose(), z.transpose()]))
 }
 
-/// Unit normal of the plane through the points nearer than `radius`, away from most of them.
+/// Unit normal of the plane through the points nearer than `radius`, oriented away from most of them.
 fn normal(ball: &Ball, radius: f64) -> Option<Vector3<f64>> {
     let limit = radius * radius;
     let inner = || {

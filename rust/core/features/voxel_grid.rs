@@ -1,4 +1,4 @@
-//! The cells of a regular grid that a cloud's points lie in: counted, and numbered.
+//! Occupied cells of a regular grid: counted and numbered.
 
 use rayon::prelude::*;
 
@@ -8,17 +8,17 @@ use crate::memory;
 use crate::points::Points;
 use crate::simd;
 
-/// Cells of a grid that gets one bit per cell, 32 MiB at most.
+/// Most cells of a grid with one bit per cell: 32 MiB.
 const MAX_BITS: u64 = 1 << 28;
-/// The same per point, where bits are looked at one and all.
+/// Most cells per point for a bit set that is scanned completely.
 const BITS_PER_POINT: u64 = 1 << 10;
 /// Points whose cells are computed at once.
 const CHUNK: usize = 64;
-/// Chunks between one and the next that is looked at.
+/// Stride of the first pass over the chunks.
 const STRIDE: usize = 16;
-/// Cells along all axes together; their numbers fit into 64 bits.
+/// Most cells along all axes together: their numbers fit into 64 bits.
 const MAX_CELLS: f64 = (1_u64 << 62) as f64;
-/// Share of a cell that a point may lie below a face and still belong above it: subtracting the mean rounds
+/// Share of a cell by which a point below a face still counts as above it: subtracting the mean rounds
 /// coordinates, and points of a raster would fall to either side.
 const ON_A_FACE: f64 = 1e-9;
 /// Cells numbered along x first.
@@ -29,7 +29,7 @@ pub(super) struct Grid {
 }
 
 impl Grid {
-    /// Of cells of a size.
+    /// Grid of cells of a given size.
     ///
     /// # Errors
     /// [`Error::InvalidInput`] for a size that is not positive or leaves more than 2^62 cells.
@@ -74,7 +74,7 @@ impl Grid {
         );
     }
 
-    /// Number of occupied cells, or one greater than `most` where there are more than that.
+    /// Number of occupied cells; a number greater than `most` if there are more.
     pub fn count(&self, points: &Points, most: usize) -> Result<usize> {
         if self.total() > MAX_BITS {
             let mut cells = self.cells_of(points)?;
@@ -84,7 +84,7 @@ impl Grid {
         }
         let mut occupied = memory::filled(0_u64, self.total().div_ceil(64) as usize)?;
         let mut count = 0;
-        // Points from all over the cloud first, so that too many voxels are soon noticed.
+        // Starts with points from all over the cloud, to detect too many voxels early.
         let chunks = points.len().div_ceil(CHUNK);
         for chunk in (0..STRIDE).flat_map(|first| (first..chunks).step_by(STRIDE)) {
             let (mut cells, length) = ([0; CHUNK], CHUNK.min(points.len() - chunk * CHUNK));
@@ -101,7 +101,7 @@ impl Grid {
         Ok(count)
     }
 
-    /// The voxel of every point, numbered by cells, and how many there are.
+    /// The voxel of every point, numbered in the order of cells, and the number of voxels.
     pub fn number(&self, points: &Points, execution: &Execution) -> Result<(Vec<u32>, usize)> {
         let cells = self.cells_of(points)?;
         execution.check()?;
@@ -119,7 +119,7 @@ impl Grid {
     }
 }
 
-/// The rank of every cell among those that occur, and how many these are.
+/// The rank of every cell among the occupied ones, and their number.
 fn number_by_bits(cells: &[u64], total: u64) -> Result<(Vec<u32>, usize)> {
     let mut occupied = memory::filled(0_u64, total.div_ceil(64) as usize)?;
     cells.iter().for_each(|cell| occupied[(cell / 64) as usize] |= 1 << (cell % 64));

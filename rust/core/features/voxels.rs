@@ -1,9 +1,8 @@
-//! Voxel down-sampling: the mean of the points in every occupied cell of a regular grid.
+//! Voxel downsampling: the mean of the points in every occupied cell of a regular grid.
 //!
-//! Cells are cubes; the grid begins half a cell below the least coordinates, as in `Open3D`'s `voxel_down_sample`.
-//! Voxels are numbered in the order of their cells, x fastest, so that neighbours in memory are mostly
-//! neighbours in space. Cost O(N), or O(N log N) where the cells
-//! are many beside the points.
+//! Cells are cubes; the grid begins half a cell below the minimum coordinates, as in `Open3D`'s
+//! `voxel_down_sample`. Voxels are numbered in the order of their cells, x fastest, so that neighbours in
+//! memory are mostly neighbours in space. Cost O(N), or O(N log N) if there are many more cells than points.
 
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -15,29 +14,30 @@ use crate::geometry::own_axes::OwnFrame;
 use crate::memory;
 use crate::points::Points;
 
-/// Sizes that are tried per factor of two.
+/// Candidate sizes per factor of two.
 const STEPS_PER_OCTAVE: f64 = 16.0;
-/// Between the smallest and the largest size that are tried: 2^20 cells along a diagonal.
+/// Steps between the smallest and the largest candidate size: 2^20 cells along a diagonal.
 const STEPS: i32 = 320;
-/// Points per voxel that are the least worth a voxel.
+/// Fewest points per voxel at which downsampling pays off.
 const LEAST_POINTS: usize = 2;
 
-/// A cloud thinned out to one point per cell.
+/// A cloud downsampled to one point per cell.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Voxels {
     /// Mean of the points of each voxel, in the data's own coordinates.
     pub points: Vec<[f64; 3]>,
-    /// Mean of their normals, scaled to unit length; NaN where they have none or cancel. Empty if none were given.
+    /// Mean of their normals, scaled to unit length; NaN if they have none or cancel. Empty if none were
+    /// given.
     pub normals: Vec<Vector3<f64>>,
     /// Voxel of every point of the cloud.
     pub indices: Vec<u32>,
 }
 
-/// Thins out a cloud. Means are sums in the order of the cloud, whatever the number of threads.
+/// Downsamples a cloud. Means are summed in the order of the cloud, for any number of threads.
 ///
 /// # Errors
-/// [`Error::InvalidInput`] for a size that is not positive or leaves more than 2^62 cells, or normals that are not
-/// one per point; [`Error::Interrupted`], [`Error::OutOfMemory`].
+/// [`Error::InvalidInput`] for a size that is not positive or leads to more than 2^62 cells, or a number of
+/// normals other than that of the points; [`Error::Interrupted`], [`Error::OutOfMemory`].
 pub fn voxel_downsample(
     points: &Points,
     normals: Option<&[Vector3<f64>]>,
@@ -63,7 +63,8 @@ pub fn voxel_downsample(
     Ok(Voxels { points, normals: normals.unwrap_or_default(), indices })
 }
 
-/// The same by a grid along the cloud's own axes: the voxels do not depend on the frame, up to rounding.
+/// As [`voxel_downsample`], by a grid along the cloud's intrinsic axes: the voxels do not depend on the
+/// frame, up to rounding.
 ///
 /// # Errors
 /// As [`voxel_downsample`].
@@ -79,9 +80,9 @@ pub fn thin(
     Ok(voxels)
 }
 
-/// The smallest size d 2^(k/16), k whole and d the longest diagonal of the clouds, at which clouds have at most `most`
-/// voxels each on average, and at least two points per voxel. Counts fall with the size but for chance, so it is
-/// found by bisection: the next smaller size has too many.
+/// The smallest size d 2^(k/16), k an integer and d the longest diagonal of the clouds, at which the clouds
+/// have at most `most` voxels each on average, and at least two points per voxel. Counts fall with the size
+/// up to chance, so bisection finds it: the next smaller size has too many voxels.
 ///
 /// # Errors
 /// [`Error::InvalidInput`] for `most` of 0, or clouds without extent; [`Error::Interrupted`].
@@ -116,7 +117,8 @@ pub fn choose_voxel(clouds: &[&Points], most: usize, execution: &Execution) -> R
 /// Number of voxels of a size.
 ///
 /// # Errors
-/// [`Error::InvalidInput`] for a size that is not positive or leaves more than 2^62 cells; [`Error::OutOfMemory`].
+/// [`Error::InvalidInput`] for a size that is not positive or leads to more than 2^62 cells;
+/// [`Error::OutOfMemory`].
 pub fn count_voxels(points: &Points, size: f64) -> Result<usize> {
     Grid::new(points, size)?.count(points, usize::MAX)
 }
@@ -126,7 +128,8 @@ fn mean_directions(normals: &[Vector3<f64>], indices: &[u32], count: usize) -> R
     for (normal, &voxel) in normals.iter().zip(indices).filter(|(normal, _)| !normal.x.is_nan()) {
         sums[voxel as usize] += normal;
     }
-    // What is infinite, or longer than f64 can say, has no direction: scaled, it is zero or not a number.
+    // A normal that is infinite, or longer than f64 can represent, has no direction: scaled, it is zero or
+    // NaN.
     let direction =
         |sum: &Vector3<f64>| sum.try_normalize(f64::EPSILON).filter(|unit| unit.norm_squared() > 0.5);
     for sum in &mut sums {
@@ -196,7 +199,7 @@ mod tests {
 
     #[test]
     fn a_raster_on_faces_is_cut_evenly() -> Result<()> {
-        // The mean is no multiple of the spacing, so that subtracting it rounds every coordinate.
+        // The mean is not a multiple of the spacing, so that subtracting it rounds every coordinate.
         let rows: Vec<[f64; 3]> =
             (0..64).map(|i| [f64::from(i % 32) * 0.25, 0.1, f64::from(i / 32) * 1e5]).collect();
         let points = Points::from_rows("points", &rows)?;

@@ -1,5 +1,6 @@
-//! A start from the edges alone: rotations by linear least squares over all 3x3 matrices, made orthonormal; then translations
-//! (Carlone, Tron, Daniilidis, Dellaert, *Initialization Techniques for 3D SLAM*, ICRA 2015).
+//! Initial poses from the edges alone: rotations by linear least squares over all 3x3 matrices, then
+//! orthonormalized; then translations (Carlone, Tron, Daniilidis, Dellaert, *Initialization Techniques for 3D
+//! SLAM*, ICRA 2015).
 
 use std::collections::VecDeque;
 
@@ -13,7 +14,7 @@ use crate::error::Result;
 use crate::geometry::rigid::{Rigid, rotation_from_covariance};
 use crate::memory;
 
-/// Places the nodes of one component, the first of which keeps its pose.
+/// Initializes the nodes of one component, the first of which keeps its pose.
 pub fn place(poses: &mut [Rigid], links: &[Link]) -> Result<()> {
     let links = memory::collect(links.iter().filter(|link| link.from != link.to).copied())?;
     if poses.len() < 2 {
@@ -23,7 +24,7 @@ pub fn place(poses: &mut [Rigid], links: &[Link]) -> Result<()> {
     if placed { Ok(()) } else { follow_tree(poses, &links) }
 }
 
-/// Rotations: `X_j = R_ij' X_i` with the transposed rotation X of each node.
+/// Estimates rotations: `X_j = R_ij' X_i` with the transposed rotation X of each node.
 fn turn_nodes(poses: &mut [Rigid], links: &[Link]) -> Result<bool> {
     let unknowns = poses.len() - 1;
     let mut system = free_system(unknowns, 3, links)?;
@@ -61,7 +62,7 @@ fn turn_nodes(poses: &mut [Rigid], links: &[Link]) -> Result<bool> {
     Ok(true)
 }
 
-/// Translations: `t_j = t_i + R_i t_ij`.
+/// Estimates translations: `t_j = t_i + R_i t_ij`.
 fn shift_nodes(poses: &mut [Rigid], links: &[Link]) -> Result<bool> {
     let unknowns = poses.len() - 1;
     let mut system = free_system(unknowns, 1, links)?;
@@ -89,7 +90,7 @@ fn shift_nodes(poses: &mut [Rigid], links: &[Link]) -> Result<bool> {
     Ok(true)
 }
 
-/// Places the nodes along a tree whose edges are as probable as can be.
+/// Initializes the nodes along a maximum spanning tree of the edges' probabilities.
 pub fn follow_tree(poses: &mut [Rigid], links: &[Link]) -> Result<()> {
     let mut order = memory::collect(0..links.len())?;
     order.sort_by(|&a, &b| links[b].edge.probability.total_cmp(&links[a].edge.probability));
@@ -125,7 +126,7 @@ fn add_below(system: &mut System, row: usize, column: usize, block: &[f64]) {
     }
 }
 
-/// The mean information of a link's rotation (first 0) or translation (first 3).
+/// Mean information of a link's rotation (first 0) or translation (first 3).
 fn share(link: &Link, first: usize) -> f64 {
     link.edge.information.fixed_view::<3, 3>(first, first).trace() / 3.0
 }

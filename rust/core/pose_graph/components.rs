@@ -1,20 +1,20 @@
-//! Which nodes hang together.
+//! Connected components of the nodes.
 
 use crate::error::Result;
 use crate::memory;
 
-/// Sets of nodes that grow together.
+/// Disjoint sets of nodes (union-find).
 pub struct Sets {
     parent: Vec<usize>,
 }
 
 impl Sets {
-    /// Each node by itself.
+    /// Sets of one node each.
     pub fn new(nodes: usize) -> Result<Self> {
         Ok(Self { parent: memory::collect(0..nodes)? })
     }
 
-    /// The least node of a set.
+    /// The lowest node of a node's set.
     pub fn find(&mut self, mut node: usize) -> usize {
         while self.parent[node] != node {
             self.parent[node] = self.parent[self.parent[node]];
@@ -23,7 +23,7 @@ impl Sets {
         node
     }
 
-    /// Joins the sets of two nodes; false where they were one.
+    /// Merges the sets of two nodes; returns false if they are the same.
     pub fn join(&mut self, a: usize, b: usize) -> bool {
         let (a, b) = (self.find(a), self.find(b));
         self.parent[a.max(b)] = a.min(b);
@@ -31,7 +31,7 @@ impl Sets {
     }
 }
 
-/// The nodes of each component in rising order; components in the order of their first nodes.
+/// The nodes of each component in ascending order; components in the order of their first nodes.
 ///
 /// # Errors
 /// [`crate::Error::OutOfMemory`].

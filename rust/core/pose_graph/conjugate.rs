@@ -1,5 +1,5 @@
-//! Conjugate gradients with the inverses of the diagonal blocks, for matrices whose factor would be nearly full: those of nodes
-//! that many edges tie to nodes all over the graph, which are well conditioned.
+//! Conjugate gradients with the inverted diagonal blocks as the preconditioner, for matrices with a nearly
+//! full factor: well-conditioned ones of nodes with many edges across the graph.
 
 use nalgebra::{Cholesky, DMatrix};
 
@@ -7,7 +7,8 @@ use super::system::Matrix;
 use crate::error::Result;
 use crate::memory;
 
-/// Reduction of the residual, in the norm of the inverted blocks, that solves as exactly as a factor does.
+/// Reduction of the residual, in the norm of the inverted blocks, at which the solution is as exact as a
+/// factor's.
 pub const EXACT: f64 = 1e-10;
 
 /// Inverted diagonal blocks, and the vectors of the iteration.
@@ -21,7 +22,7 @@ pub struct Conjugate {
 }
 
 impl Conjugate {
-    /// Room for a matrix of `rows` rows in blocks of `size`, which is multiplied `most_steps` times at most.
+    /// Allocates for a matrix of `rows` rows in blocks of `size`, with at most `most_steps` multiplications.
     pub fn new(rows: usize, size: usize, most_steps: usize) -> Result<Self> {
         let vector = || memory::filled(0.0, rows);
         Ok(Self {
@@ -34,7 +35,7 @@ impl Conjugate {
         })
     }
 
-    /// Inverts the diagonal blocks; false where one isn't positive definite.
+    /// Inverts the diagonal blocks; returns false if one is not positive definite.
     pub fn prepare(&mut self, matrix: &Matrix) -> bool {
         let size = matrix.block_size();
         for (node, slot) in self.inverses.chunks_exact_mut(size * size).enumerate() {
@@ -46,8 +47,8 @@ impl Conjugate {
         true
     }
 
-    /// Solves in place for one right-hand side, until the residual is reduced to a share; false where the iteration doesn't
-    /// converge.
+    /// Solves in place for one right-hand side, until the residual is reduced by a factor; returns false if
+    /// the iteration does not converge.
     pub fn solve(&mut self, matrix: &Matrix, side: &mut [f64], reduction: f64) -> bool {
         self.residual.copy_from_slice(side);
         side.fill(0.0);
@@ -74,7 +75,7 @@ impl Conjugate {
         false
     }
 
-    /// Multiplies the residual with the inverted blocks.
+    /// Multiplies the residual by the inverted blocks.
     fn precondition(&mut self, size: usize) {
         let blocks = self.inverses.chunks_exact(size * size).zip(self.residual.chunks_exact(size));
         for ((inverse, residual), scaled) in blocks.zip(self.scaled.chunks_exact_mut(size)) {

@@ -14,10 +14,10 @@ use super::system::Matrix;
 use crate::error::{Error, Result};
 use crate::memory;
 
-/// An order of the nodes by approximate minimum degree.
+/// A fill-reducing order of the nodes by approximate minimum degree.
 pub struct Order {
     nodes: Vec<u32>,
-    /// Multiplications that the factor of blocks of one row takes.
+    /// Number of multiplications of the factorization with blocks of one row.
     pub products: f64,
 }
 
@@ -46,7 +46,7 @@ impl Order {
     }
 }
 
-/// The factor, and the memory that it needs.
+/// The factor, and its working memory.
 pub struct Factor {
     symbolic: SymbolicCholesky<u32>,
     values: Vec<f64>,
@@ -54,7 +54,7 @@ pub struct Factor {
 }
 
 impl Factor {
-    /// Room for the factor of a matrix, to solve for `sides` right-hand sides at once.
+    /// Allocates the factor of a matrix, to solve for `sides` right-hand sides at once.
     pub fn new(matrix: &Matrix, order: &Order, sides: usize) -> Result<Self> {
         let (forward, backward) = order.scalars(matrix.block_size())?;
         let ordering = SymmetricOrdering::Custom(PermRef::new_checked(&forward, &backward, matrix.len()));
@@ -74,7 +74,7 @@ impl Factor {
         Ok(Self { symbolic, values, scratch })
     }
 
-    /// Factorizes the matrix; false where it isn't positive definite.
+    /// Factorizes the matrix; returns false if it is not positive definite.
     pub fn prepare(&mut self, matrix: &Matrix) -> bool {
         let factored = self.symbolic.factorize_numeric_llt(
             &mut self.values,
@@ -88,7 +88,7 @@ impl Factor {
         factored.is_ok() && self.values.iter().all(|entry| entry.is_finite())
     }
 
-    /// Solves in place for right-hand sides that lie one after the other.
+    /// Solves in place for concatenated right-hand sides.
     pub fn solve(&mut self, rows: usize, sides: &mut [f64]) {
         let columns = sides.len() / rows;
         LltRef::new(&self.symbolic, &self.values).solve_in_place_with_conj(
@@ -110,7 +110,7 @@ fn pattern(matrix: &Matrix) -> SymbolicSparseColMatRef<'_, u32> {
     )
 }
 
-/// The error of a block of `len` items that the system refused to a library.
+/// The error for a refused block of `len` items in a library.
 fn refused<T>(len: usize) -> Error {
     Error::OutOfMemory { bytes: len.saturating_mul(size_of::<T>()) }
 }

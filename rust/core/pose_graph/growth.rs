@@ -1,5 +1,6 @@
-//! Loops taken in from a trusted frame, nearest first: a loop is judged by the motion that the links held so far foretell, with
-//! the covariance along the shortest path of them, so that drift doesn't condemn a right loop, nor excuse a wrong one.
+//! Accepts loops outward from a trusted frame, nearest first. A loop is tested against the motion predicted
+//! by the accepted links, with the covariance along their shortest path, so that drift neither rejects a
+//! correct loop nor accepts a wrong one.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -16,18 +17,20 @@ use crate::memory;
 
 /// The quantile .999 of chi-squared with six degrees of freedom.
 const LARGEST_INNOVATION: f64 = 22.457_744;
-/// The quantile .25: what a quarter of the loops stay below, even where half of all are wrong.
+/// The .25 quantile: a quarter of the loops stay below it, even if half of all are wrong.
 const QUARTER_INNOVATION: f64 = 3.454_599;
-/// Loops that tell by how much the covariances are overstated: at least, at most; and room for their noise.
+/// Number of loops that estimate the overstatement of the covariances, at least and at most; and a margin for
+/// their noise.
 const ENOUGH: usize = 30;
 const SAMPLE: usize = 500;
 const ROOM: f64 = 4.0;
-/// The first reach in mean lengths of trusted links; it doubles.
+/// The first reach in mean lengths of trusted links; it doubles in each round.
 const FIRST_REACH: f64 = 4.0;
 const MOST_TURNS: usize = 6;
 const COARSE: Precision = Precision { steps: 5, decrease: 1e-2, reduction: 1e-8 };
 
-/// Takes in the loops that fit, and moves the poses; returns which links are held. Links of infinite bound reach every node.
+/// Accepts the loops that fit, and moves the poses; returns the mask of accepted links. Links with an
+/// infinite bound reach every node.
 pub fn grow(
     poses: &mut Vec<Rigid>,
     links: &[Link],
@@ -75,7 +78,7 @@ pub fn grow(
     Ok(held)
 }
 
-/// At most 1: the share of the stated covariances that the trusted links and the loops show.
+/// Scale of the stated covariances, at most 1, estimated from the trusted links and the loops.
 fn overstatement(
     poses: &[Rigid],
     links: &[Link],
@@ -95,7 +98,8 @@ fn overstatement(
     Ok((ROOM * *quarter / QUARTER_INNOVATION).min(1.0))
 }
 
-/// How far each open loop is from what the held links foretell, squared, by the covariances of both; none beyond the reach.
+/// Squared innovation of each open loop, its deviation from the motion predicted by the accepted links by the
+/// covariances of both; `None` beyond the reach.
 fn innovations(
     poses: &[Rigid],
     links: &[Link],
@@ -125,7 +129,7 @@ fn innovations(
     Ok(found)
 }
 
-/// By which link, and from where, each node is reached from the source.
+/// The link and the predecessor by which each node is reached from the source.
 type Arrivals = Vec<Option<(usize, usize)>>;
 
 fn shortest_paths(
@@ -138,7 +142,7 @@ fn shortest_paths(
     let mut arrived: Arrivals = memory::filled(None, ways.len())?;
     let mut length = memory::filled(f64::INFINITY, ways.len())?;
     let mut missing = memory::collect(targets)?;
-    let mut waiting = BinaryHeap::from([Reverse((0, source))]); // bits of lengths above 0 rise with them
+    let mut waiting = BinaryHeap::from([Reverse((0, source))]); // bits of positive floats keep their order
     length[source] = 0.0;
     while let Some(Reverse((bits, node))) = waiting.pop() {
         let here = f64::from_bits(bits);

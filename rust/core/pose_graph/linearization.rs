@@ -1,4 +1,4 @@
-//! The cost of all links about the poses, as a linear system for the twists of the nodes that move.
+//! The cost of all links linearized about the poses: a linear system for the twists of the free nodes.
 
 use nalgebra::{Matrix6, Vector6};
 use rayon::prelude::*;
@@ -11,16 +11,16 @@ use crate::execution::Execution;
 use crate::geometry::rigid::Rigid;
 use crate::memory;
 
-/// Links linearized in parallel before their blocks are added one by one.
+/// Links linearized in parallel before their blocks are added in order.
 const CHUNK: usize = 1024;
 
-/// Links between poses, each with its weight; the first node of each component is held.
+/// Links between poses, each with its weight; the first node of each component is fixed.
 pub struct Linearization<'a> {
     links: Vec<(Link<'a>, f64)>,
     places: Vec<Option<Place>>,
     unknown: Vec<Option<usize>>,
     pub system: System,
-    /// Slope of the cost in the twists.
+    /// Gradient of the cost by the twists.
     pub gradient: Vec<f64>,
 }
 
@@ -51,7 +51,7 @@ impl<'a> Linearization<'a> {
         Ok(Self { links, places, unknown, system, gradient })
     }
 
-    /// The unknown of a node; `None` where it is held.
+    /// Index of the unknown of a node; `None` if it is fixed.
     pub fn unknown(&self, node: usize) -> Option<usize> {
         self.unknown[node]
     }
@@ -63,7 +63,7 @@ impl<'a> Linearization<'a> {
         Ok(costs.iter().sum()) // in order: the same bits on any number of threads
     }
 
-    /// Fills in the system and the gradient.
+    /// Computes the system and the gradient.
     pub fn linearize(&mut self, poses: &[Rigid], execution: &Execution) -> Result<()> {
         self.system.clear();
         self.gradient.fill(0.0);
@@ -104,7 +104,7 @@ impl<'a> Linearization<'a> {
     }
 }
 
-/// With `e(d_i, d_j) = e - J Ad(T_ij^-1) d_i + J d_j`.
+/// Linearizes the error: `e(d_i, d_j) = e - J Ad(T_ij^-1) d_i + J d_j`.
 fn linearize(&(ref link, weight): &(Link, f64), poses: &[Rigid]) -> Blocks {
     let (from, to) = (&poses[link.from], &poses[link.to]);
     let error = link.edge.error(from, to);

@@ -10,24 +10,24 @@ use crate::execution::Execution;
 use crate::geometry::rigid::Rigid;
 use crate::memory;
 
-/// When a search ends.
+/// Stopping criteria of the minimization.
 pub struct Precision {
-    /// Steps at most.
+    /// Maximum number of steps.
     pub steps: usize,
-    /// Share of the cost that a step has to take off.
+    /// Least relative decrease of the cost per step.
     pub decrease: f64,
-    /// Share of the slope that a step may leave where it is found by conjugate gradients.
+    /// Reduction of the gradient by the conjugate gradients of a step.
     pub reduction: f64,
 }
 
-/// For results.
+/// Precision of final results.
 pub const FINE: Precision = Precision { steps: 100, decrease: 1e-7, reduction: 1e-6 };
 
 const FIRST_DAMPING: f64 = 1e-6;
 const LEAST_DAMPING: f64 = 1e-9;
 const MOST_DAMPING: f64 = 1e8;
 
-/// Moves the poses to the least cost of all links.
+/// Minimizes the cost of all links over the poses.
 pub fn minimize(
     poses: &mut Vec<Rigid>,
     links: &[Link],
@@ -37,7 +37,7 @@ pub fn minimize(
     minimize_weighted(poses, links.iter().map(|&link| (link, 1.0)), precision, execution)
 }
 
-/// Moves the poses to the least cost of links of some weight; what hangs on no link stays.
+/// Minimizes the cost of weighted links over the poses; nodes without a link keep their pose.
 pub fn minimize_weighted<'a>(
     poses: &mut Vec<Rigid>,
     links: impl Iterator<Item = (Link<'a>, f64)>,
@@ -87,7 +87,7 @@ pub fn minimize_weighted<'a>(
     Ok(())
 }
 
-/// Marginal covariances of nodes; zero where a node is held.
+/// Marginal covariances of nodes; zero if a node is fixed.
 pub fn covariances(
     poses: &[Rigid],
     links: &[Link],

@@ -1,5 +1,5 @@
-//! Pose graphs: poses of nodes from measured motions between them, by least squares on SE(3); wrong edges dropped by graduated
-//! non-convexity; covariances.
+//! Pose graphs: estimates the poses of nodes from measured motions between them, by least squares on SE(3);
+//! rejects wrong edges by graduated non-convexity; computes covariances.
 //!
 //! The error of an edge is the twist `e = log(Z^-1 T_i^-1 T_j)` (rotation vector, translation), and its cost `e' W e / 2` with the
 //! information W: GTSAM's convention. The first node of each component keeps its pose.
@@ -34,14 +34,14 @@ pub struct Edge {
     pub to: usize,
     /// `T_i^-1 T_j`: maps points of j's frame into i's.
     pub measurement: Rigid,
-    /// Inverse of the covariance of the twist that moves the measurement on its right.
+    /// Inverse covariance of the twist that moves the measurement on its right.
     pub information: Matrix6<f64>,
-    /// How likely the edge is right before anything else is known; 1 where it can be trusted.
+    /// Prior probability that the edge is correct; 1 for a trusted edge.
     pub probability: f64,
 }
 
 impl Edge {
-    /// How far the poses are from what was measured.
+    /// Error of the measurement under the poses.
     pub fn error(&self, from: &Rigid, to: &Rigid) -> Vector6<f64> {
         motion::logarithm(&motion::between(&self.measurement, &motion::between(from, to)))
     }
@@ -53,26 +53,26 @@ impl Edge {
     }
 }
 
-/// Where the search for the minimum starts.
+/// Initial poses of the minimization.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Start {
-    /// From the edges alone: rotations by linear least squares, then translations (Carlone and others, *Initialization Techniques
-    /// for 3D SLAM*, ICRA 2015).
+    /// From the edges alone: rotations by linear least squares, then translations (Carlone and others,
+    /// *Initialization Techniques for 3D SLAM*, ICRA 2015).
     Chordal,
-    /// From the poses as they are.
+    /// The given poses.
     Given,
 }
 
-/// Poses after optimization, and which edges hold.
+/// Optimized poses, and the mask of kept edges.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Optimized {
-    /// Node to world.
+    /// Poses, node to world.
     pub poses: Vec<Rigid>,
-    /// False for edges that the robust optimization holds to be wrong.
+    /// False for edges rejected by the robust optimization.
     pub kept: Vec<bool>,
 }
 
-/// An edge between nodes of a component, by their places in it.
+/// An edge between nodes of a component, by their indices in it.
 #[derive(Clone, Copy)]
 struct Link<'a> {
     from: usize,
@@ -80,10 +80,11 @@ struct Link<'a> {
     edge: &'a Edge,
 }
 
-/// The poses of least cost.
+/// Estimates the poses of least cost.
 ///
 /// # Errors
-/// [`Error::InvalidInput`] for an edge to no node or of what is no number, [`Error::OutOfMemory`], [`Error::Interrupted`].
+/// [`Error::InvalidInput`] for an edge with an unknown node or a number that is not finite,
+/// [`Error::OutOfMemory`], [`Error::Interrupted`].
 pub fn optimize(
     poses: &[Rigid],
     edges: &[Edge],
@@ -138,10 +139,11 @@ pub fn squared_errors(poses: &[Rigid], edges: &[Edge]) -> Result<Vec<f64>> {
     memory::par_collect(edges.par_iter().map(|edge| edge.squared_error(&poses[edge.from], &poses[edge.to])))
 }
 
-/// Marginal covariances of nodes: of the twists that move their poses on the right, the first node of each component held.
+/// Marginal covariances of nodes: of the twists that move their poses on the right, with the first node of
+/// each component fixed.
 ///
 /// # Errors
-/// As [`optimize`]; [`Error::InvalidInput`] for a node that isn't there.
+/// As [`optimize`]; [`Error::InvalidInput`] for an unknown node.
 pub fn covariances(
     poses: &[Rigid],
     edges: &[Edge],

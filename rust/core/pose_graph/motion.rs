@@ -4,21 +4,21 @@ use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 
 use crate::geometry::rigid::Rigid;
 
-/// Angles below this take the series: closed forms would lose digits.
+/// Angles below this use the series: closed forms would lose digits.
 const SMALL_ANGLE: f64 = 0.1;
 
-/// First `a`, then what it is multiplied with: `a b` maps `p` to `a(b(p))`.
+/// Composes `a` and `b`: `a b` maps `p` to `a(b(p))`.
 pub fn compose(a: &Rigid, b: &Rigid) -> Rigid {
     Rigid { rotation: a.rotation * b.rotation, translation: a.rotation * b.translation + a.translation }
 }
 
-/// The motion back.
+/// The inverse motion.
 pub fn inverse(motion: &Rigid) -> Rigid {
     let back = motion.rotation.transpose();
     Rigid { rotation: back, translation: -(back * motion.translation) }
 }
 
-/// `a^-1 b`: where `b` is, seen from `a`.
+/// `a^-1 b`: the pose of `b` in the frame of `a`.
 pub fn between(a: &Rigid, b: &Rigid) -> Rigid {
     let back = a.rotation.transpose();
     Rigid { rotation: back * b.rotation, translation: back * (b.translation - a.translation) }
@@ -52,7 +52,7 @@ pub fn adjoint(motion: &Rigid) -> Matrix6<f64> {
     matrix
 }
 
-/// How the logarithm changes as a motion is moved on its right: `log(exp(e) exp(d)) = e + J d` for small `d`
+/// Derivative of the logarithm under a motion on the right: `log(exp(e) exp(d)) = e + J d` for small `d`
 /// (Barfoot, *State Estimation for Robotics*, 7.1.5).
 pub fn inverse_right_jacobian(twist: &Vector6<f64>) -> Matrix6<f64> {
     let (turn, shift) = halves(&-twist);
@@ -75,7 +75,8 @@ pub fn inverse_right_jacobian(twist: &Vector6<f64>) -> Matrix6<f64> {
     matrix
 }
 
-/// The rotation nearest to a matrix that is nearly one: one step of Newton's iteration undoes rounding.
+/// The rotation nearest to a matrix that is nearly one: one step of Newton's iteration removes rounding
+/// errors.
 fn orthonormal(matrix: &Matrix3<f64>) -> Matrix3<f64> {
     (matrix * 3.0 - matrix * matrix.transpose() * matrix) * 0.5
 }
@@ -120,7 +121,7 @@ fn inverse_left_jacobian(turn: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::identity() - w * 0.5 + w * w * last
 }
 
-/// The rotation vector, by way of the quaternion's largest component, so that no angle loses digits.
+/// The rotation vector, computed from the quaternion's largest component to keep precision at any angle.
 fn rotation_vector(r: &Matrix3<f64>) -> Vector3<f64> {
     let trace = r.trace();
     let squares = [trace, r[(0, 0)], r[(1, 1)], r[(2, 2)]];
@@ -138,7 +139,7 @@ fn rotation_vector(r: &Matrix3<f64>) -> Vector3<f64> {
     };
     let (w, vector) = if w < 0.0 { (-w, -vector) } else { (w, vector) };
     let sine = vector.norm();
-    // Of half the angle: the vector is the axis times sine, up to a common scale.
+    // Sine and cosine of half the angle: the vector is the axis times sine, up to a common scale.
     if sine == 0.0 { vector } else { vector * (2.0 * sine.atan2(w) / sine) }
 }
 

@@ -1,5 +1,6 @@
-//! Least squares that drop wrong edges: truncated squares, reached from squares by graduated non-convexity (Yang, Antonante,
-//! Tzoumas, Carlone, *Graduated Non-Convexity for Robust Spatial Perception*, RA-L 2020).
+//! Robust least squares that reject wrong edges: truncated squares, reached from squares by graduated
+//! non-convexity (Yang, Antonante, Tzoumas, Carlone, *Graduated Non-Convexity for Robust Spatial Perception*,
+//! RA-L 2020).
 
 use super::minimum::{FINE, Precision, minimize_weighted};
 use super::{Link, Start, chordal, growth};
@@ -8,16 +9,18 @@ use crate::execution::Execution;
 use crate::geometry::rigid::Rigid;
 use crate::memory;
 
-/// The quantile .99 of chi-squared with six degrees of freedom: squared errors of right edges are below.
+/// The .99 quantile of chi-squared with six degrees of freedom: upper bound of the squared errors of correct
+/// edges.
 const LARGEST_SQUARED_ERROR: f64 = 16.811_893_829_770_927;
 const STEP: f64 = 1.4;
 const MOST_STEPS: usize = 100;
 const MOST_CHECKS: usize = 20;
 const COARSE: Precision = Precision { steps: 10, decrease: 1e-3, reduction: 1e-3 };
 
-/// Moves the poses of a component, and says which links are kept. Where trusted links reach every node, loops are taken in from
-/// these; else it is the better end of two searches. The first keeps what the start agrees with, and suits a start that is nearly
-/// right; the second begins with all links.
+/// Moves the poses of a component, and returns the mask of kept links. If trusted links reach every node,
+/// loops are accepted outward from these. Otherwise the better result of two searches is taken: the first
+/// keeps the links that agree with the initial poses, which suits nearly correct ones; the second begins with
+/// all links.
 pub fn optimize(
     poses: &mut Vec<Rigid>,
     links: &[Link],
@@ -52,7 +55,7 @@ pub fn optimize(
     Ok(kept_near)
 }
 
-/// Goes from squares to truncated squares in steps.
+/// Proceeds from squares to truncated squares in steps.
 fn graduate(
     poses: &mut Vec<Rigid>,
     links: &[Link],
@@ -84,7 +87,8 @@ fn graduate(
     Ok(())
 }
 
-/// Keeps the links that agree with the poses, and moves these, in turns; returns the links and the truncated squares.
+/// Alternates between keeping the links that agree with the poses and moving the poses; returns the links and
+/// the truncated squares.
 fn settle(
     poses: &mut Vec<Rigid>,
     links: &[Link],
@@ -108,7 +112,7 @@ fn settle(
     Ok((kept, cost))
 }
 
-/// The squared error above which an edge of that prior is rather wrong.
+/// The squared error above which an edge with that prior is more likely wrong.
 fn bound(probability: f64) -> f64 {
     LARGEST_SQUARED_ERROR + 2.0 * (probability / (1.0 - probability)).ln()
 }

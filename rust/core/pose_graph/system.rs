@@ -5,9 +5,10 @@ use super::factor::{Factor, Order};
 use crate::error::{Error, Result};
 use crate::memory;
 
-/// Multiplications of a factorization, per entry of the matrix, above which the system is solved by conjugate gradients.
+/// Multiplications of a factorization, per entry of the matrix, above which conjugate gradients solve the
+/// system.
 const DENSE_FACTOR: f64 = 2000.0;
-/// Multiplications of a factorization, per entry of the matrix, that take as long as a step of conjugate gradients.
+/// Cost of a step of conjugate gradients, in multiplications of a factorization per entry of the matrix.
 const PRODUCTS_OF_A_STEP: f64 = 24.0;
 
 /// The lower triangle of a matrix.
@@ -21,7 +22,7 @@ pub struct Matrix {
     pub values: Vec<f64>,
 }
 
-/// A matrix, and the solver that suits it.
+/// A matrix with its solver.
 pub struct System {
     matrix: Matrix,
     order: Order,
@@ -34,7 +35,7 @@ enum Solver {
     Conjugate(Conjugate),
 }
 
-/// Where a block below the diagonal is.
+/// Position of a block below the diagonal.
 #[derive(Clone, Copy)]
 pub struct Place {
     column: usize,
@@ -42,7 +43,7 @@ pub struct Place {
 }
 
 impl Matrix {
-    /// A matrix of zeros where pairs of different nodes share a block.
+    /// A zero matrix with blocks for pairs of different nodes.
     fn new(unknowns: usize, size: usize, pairs: impl Iterator<Item = (usize, usize)>) -> Result<Self> {
         if unknowns.checked_mul(size).is_none_or(|rows| rows > i32::MAX as usize) {
             return Err(Error::invalid("poses", unknowns, "give fewer nodes"));
@@ -90,7 +91,7 @@ impl Matrix {
         self.values[self.column_starts[node * self.size + column] as usize + row - column]
     }
 
-    /// Multiplies the whole symmetric matrix with a vector.
+    /// Multiplies the whole symmetric matrix by a vector.
     pub fn multiply(&self, vector: &[f64], image: &mut [f64]) {
         image.fill(0.0);
         for column in 0..self.unknowns {
@@ -121,8 +122,8 @@ impl Matrix {
 }
 
 impl System {
-    /// An empty system of `unknowns` nodes with blocks of `size` rows, where `pairs` of different nodes share an edge;
-    /// it is solved for `sides` right-hand sides at once.
+    /// An empty system of `unknowns` nodes with blocks of `size` rows, and edges between `pairs` of different
+    /// nodes; solves for `sides` right-hand sides at once.
     pub fn new(
         unknowns: usize,
         size: usize,
@@ -133,7 +134,7 @@ impl System {
         let order = Order::new(&matrix)?;
         let products = order.products * (size * size * size) as f64 / matrix.values.len().max(1) as f64;
         let solver = if products > DENSE_FACTOR {
-            let most_steps = (products / PRODUCTS_OF_A_STEP) as usize; // a factor would take less time than more of them
+            let most_steps = (products / PRODUCTS_OF_A_STEP) as usize; // beyond these, a factor is faster
             Solver::Conjugate(Conjugate::new(matrix.len(), size, most_steps)?)
         } else {
             Solver::Factor(Factor::new(&matrix, &order, sides)?)
@@ -146,19 +147,19 @@ impl System {
         self.matrix.len()
     }
 
-    /// Where the block of two nodes is, `row > column`; `None` where they share no edge.
+    /// Position of the block of two nodes, `row > column`; `None` if they share no edge.
     pub fn place(&self, row: usize, column: usize) -> Option<Place> {
         let Matrix { block_rows, block_starts, .. } = &self.matrix;
         let below = &block_rows[block_starts[column]..block_starts[column + 1]];
         below.binary_search(&(row as u32)).ok().map(|place| Place { column, place })
     }
 
-    /// Empties the matrix.
+    /// Sets the matrix to zero.
     pub fn clear(&mut self) {
         self.matrix.values.fill(0.0);
     }
 
-    /// Adds a symmetric block, column by column, on the diagonal.
+    /// Adds a symmetric block, by columns, on the diagonal.
     pub fn add_diagonal(&mut self, node: usize, block: &[f64]) {
         let Matrix { size, column_starts, values, .. } = &mut self.matrix;
         for (k, column) in block.chunks_exact(*size).enumerate() {
@@ -167,7 +168,7 @@ impl System {
         }
     }
 
-    /// Adds a block, column by column, below the diagonal.
+    /// Adds a block, by columns, below the diagonal.
     pub fn add_below(&mut self, place: Place, block: &[f64]) {
         let Matrix { size, column_starts, values, .. } = &mut self.matrix;
         for (k, column) in block.chunks_exact(*size).enumerate() {
@@ -189,7 +190,7 @@ impl System {
         }
     }
 
-    /// Prepares to solve with the matrix as it is; false where it isn't seen to be positive definite.
+    /// Prepares to solve with the current matrix; returns false if it is not found to be positive definite.
     pub fn factorize(&mut self) -> bool {
         match &mut self.solver {
             Solver::Factor(factor) => factor.prepare(&self.matrix),
@@ -197,9 +198,9 @@ impl System {
         }
     }
 
-    /// Solves in place for right-hand sides that lie one after the other; false where the matrix isn't positive definite.
-    /// Conjugate gradients end once a residual is reduced to a share; a factor is exact.
-    /// Where conjugate gradients don't converge, the matrix is factorized from then on.
+    /// Solves in place for concatenated right-hand sides; returns false if the matrix is not positive
+    /// definite. Conjugate gradients end once a residual is reduced by the factor `reduction`; a
+    /// factorization is exact. If conjugate gradients do not converge, later solves factorize the matrix.
     pub fn solve(&mut self, sides: &mut [f64], reduction: f64) -> Result<bool> {
         let rows = self.len();
         if rows == 0 {
@@ -272,7 +273,7 @@ mod tests {
         Ok(())
     }
 
-    /// Nodes tied to others all over the graph, with a diagonal of some weight.
+    /// Nodes connected across the graph, with a diagonal of some weight.
     fn tied(weight: f64) -> Result<System> {
         let pairs =
             || (0..600_usize).flat_map(|node| (1..8).map(move |k| (node, (node * (k + 6) + 31 * k) % 600)));

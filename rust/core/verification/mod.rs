@@ -2,10 +2,10 @@
 //!
 //! Matches alone are weak evidence for two scans that overlap by a third: wrong poses gather as many by
 //! chance. The surfaces are stronger evidence. Samples of each surface are moved onto the other. A sample x
-//! with a near point y of normal m has the distance `e^2 = ((x - y) . m)^2 + 0.15 |x - y|^2`; it adds `1 -
-//! e^2 / tolerance^2` if the normals agree. A sample without a near point subtracts 1 in front of the surface
-//! that the scanner observed, and 0.3 if it faces the scanner in front of background, where the scanner
-//! observed nothing. The score is the sum of both surfaces' means.
+//! with a near point y of normal m has the distance `e^2 = ((x - y) . m)^2 + 0.15 |x - y|^2`; it adds
+//! `1 - e^2 / tolerance^2` if the normals agree. A sample without a near point subtracts 1 in front of the
+//! surface that the scanner observed, and 0.3 if it faces the scanner in front of background, where the
+//! scanner observed nothing. The score is the sum of both surfaces' means.
 //!
 //! [`verify`] scores all poses coarsely, refines the best by point-to-plane steps, and scores those again,
 //! twice. All lengths are in units of about 0.4 of the distance between points. Cost: two grid lookups per

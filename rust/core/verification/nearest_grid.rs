@@ -24,8 +24,8 @@ const EDGE: usize = 8;
 const CELLS: usize = EDGE * EDGE * EDGE;
 /// Cells along an edge of the parts that a block is filled by.
 const PART: usize = 4;
-/// Radius, in cells, of a ball around the middle of a part that holds the centres of all its cells: `1.5
-/// sqrt(3)` and room for rounding.
+/// Radius, in cells, of a ball around the middle of a part that holds the centres of all its cells:
+/// `1.5 sqrt(3)` and room for rounding.
 const PART_RADIUS: f32 = 3.0;
 
 /// Most blocks along an axis of the box: `f32` then resolves positions to a sixteenth of a cell.

@@ -1,4 +1,4 @@
-//! Rows of pair scores from the coordinates of one side and the other, in f64 or in f32.
+//! Rows of pair scores from the coordinates of both sides, in f64 or in f32.
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 #![expect(clippy::needless_bitwise_bool, reason = "`||` is a branch, which stops vectorisation")]
@@ -30,8 +30,8 @@ pub trait Coordinate:
     fn sqrt(self) -> Self;
     /// A group of scores in f64.
     fn load<L: Lanes>(lanes: L, scores: &[Self; DOUBLES]) -> L::Doubles;
-    /// Writes the distance ratios of correspondence `i` with those from `first` on, as many as `row` takes; in
-    /// f32 whole groups of [`SINGLES`].
+    /// Writes the distance ratios of correspondence `i` with those from `first` on, to the length of `row`;
+    /// in f32 whole groups of [`SINGLES`].
     fn fill_ratios(sides: &Sides<Self>, i: usize, first: usize, row: &mut [Self]);
 }
 
@@ -94,14 +94,14 @@ impl Coordinate for f32 {
 /// Coordinates of all correspondences.
 #[derive(Debug, Clone)]
 pub struct Sides<T> {
-    /// Source x, y, z, then target x, y, z; filled up to whole groups of [`SINGLES`].
+    /// Source x, y, z, then target x, y, z; padded to whole groups of [`SINGLES`].
     axes: [Vec<T>; 6],
-    /// Squares of the lengths up to which an edge counts as zero, in the source and in the target.
+    /// Squared zero lengths of edges, in the source and in the target.
     pub zero_squared: [T; 2],
 }
 
 impl<T: Coordinate> Sides<T> {
-    /// From the axes, which need not be whole groups.
+    /// Coordinates from the axes, which need not be whole groups.
     ///
     /// # Errors
     /// [`crate::Error::OutOfMemory`].
@@ -114,7 +114,7 @@ impl<T: Coordinate> Sides<T> {
         Ok(Self { axes: memory::try_map(axes, filled_up)?, zero_squared })
     }
 
-    /// The correspondences `indices` alone.
+    /// The correspondences at `indices`.
     ///
     /// # Errors
     /// [`crate::Error::OutOfMemory`].
@@ -131,7 +131,7 @@ impl<T: Coordinate> Sides<T> {
 }
 
 impl Sides<f64> {
-    /// The same in f32.
+    /// Converts to f32.
     ///
     /// # Errors
     /// [`crate::Error::OutOfMemory`].
@@ -144,8 +144,8 @@ impl Sides<f64> {
     }
 }
 
-/// Writes `score(ds_ij^2, dt_ij^2)` for j = first, first + 1, ... into `row`; `score` sees squared
-/// lengths. Where an edge counts as zero the score is 0.
+/// Writes `score(ds_ij^2, dt_ij^2)` for j = first, first + 1, ... into `row`. The score is 0 if an edge has
+/// zero length.
 #[inline(always)]
 pub fn fill_row<T: Coordinate>(
     sides: &Sides<T>,
@@ -157,7 +157,7 @@ pub fn fill_row<T: Coordinate>(
     let n = row.len();
     let part = first..first + n;
     let point = sides.at(i);
-    // One by one, so that the compiler sees that all are as long as the row.
+    // Separate slices show the compiler that all have the row's length.
     let [x, y, z, u, v, w] = &sides.axes;
     let (x, y, z) = (&x[part.clone()], &y[part.clone()], &z[part.clone()]);
     let (u, v, w) = (&u[part.clone()], &v[part.clone()], &w[part]);
@@ -176,14 +176,14 @@ fn squared_norm<T: Coordinate>([x, y, z]: [T; 3]) -> T {
     x * x + y * y + z * z
 }
 
-/// Writes `min(ds, dt) / max(ds, dt)` of a correspondence with others; 0 where either length is.
+/// Writes `min(ds, dt) / max(ds, dt)` of a correspondence with others; 0 if either length is 0.
 struct FillRatios<'a> {
     point: [f32; 6],
     axes: [&'a [f32]; 6],
     row: &'a mut [f32],
 }
 
-/// Keeps the ratio at 0 where a length is; far below the product of any two squared lengths in f32.
+/// Keeps the ratio at 0 for a length of 0; far below the product of any two squared lengths in f32.
 const TINY: f32 = 1e-36;
 
 impl Kernel for FillRatios<'_> {

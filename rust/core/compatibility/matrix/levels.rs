@@ -1,23 +1,23 @@
-//! Scores rounded to 16 bits, the rows of a group interleaved, and products with them in f32.
+//! Scores rounded to 16 bits, with the rows of a group interleaved, and f32 products with them.
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 
 use super::products::{Entry, ROW_GROUP};
 use crate::simd::{self, Kernel, Lanes, SINGLES};
 
-/// A score of 1; others are rounded to multiples of one over this.
+/// Level of a score of 1; scores are rounded to multiples of the inverse.
 pub const LEVELS: f32 = 65535.0;
 
-/// Added to a number below 2^16, it leaves the nearest integer in the lowest bits of the sum.
+/// Added to a number below 2^16, it places the nearest integer in the lowest bits of the sum.
 const ROUND: f32 = 8_388_608.0;
 
-/// Entries of the vector below this are taken for 0: their products may be subnormal, which is slow.
+/// Entries of the vector below this count as 0: their products may be subnormal, which is slow.
 const NEGLIGIBLE: f64 = 1e-30;
 
-/// Entries of [`ROW_GROUP`] rows in one run of memory: [`SINGLES`] columns of the first, then of the second, ...
+/// Contiguous entries of [`ROW_GROUP`] rows: [`SINGLES`] columns of the first, then of the second, ...
 const INTERLEAVED: usize = ROW_GROUP * SINGLES;
 
-/// Rounds the scores of one row of a group, and spreads them over the group's entries.
+/// Rounds the scores of one row of a group, and scatters them into the group's entries.
 pub fn interleave(scores: &[f32], row: usize, entries: &mut [u16]) {
     simd::run(Interleave { scores, row, groups: entries.as_chunks_mut().0 });
 }
@@ -47,7 +47,7 @@ impl Kernel for Interleave<'_> {
     }
 }
 
-/// Whole groups of columns, summed in f32: the caller adds short sums in f64.
+/// Sums whole groups of columns in f32: the caller adds short sums in f64.
 impl Entry for u16 {
     type Number = f32;
 
@@ -105,7 +105,7 @@ impl Kernel for LevelsTimesVector<'_> {
             sum = lanes.multiply_add_singles(e3, w3, sum);
             lanes.store_singles(sum, below);
         }
-        // One by one: an array of registers that is mapped would lie in memory throughout the loop.
+        // Written out: mapping an array of registers would keep it in memory throughout the loop.
         [
             f64::from(lanes.sum_singles(s0)),
             f64::from(lanes.sum_singles(s1)),

@@ -1,7 +1,8 @@
-//! The symmetric matrix of pairwise scores of all correspondences: stored while it fits, else recomputed.
+//! The symmetric matrix of the pairwise scores of all correspondences: stored if it fits in memory, else
+//! recomputed.
 //!
-//! Up to [`DOUBLE_LIMIT`] correspondences all is in f64. Beyond, entries are kept rounded to 16 bits, as
-//! reading wider ones from memory takes about as long as computing them in f32 for each product.
+//! Up to [`DOUBLE_LIMIT`] correspondences all entries are f64. Larger matrices store entries rounded to 16
+//! bits: reading wider ones from memory takes about as long as computing them in f32 for each product.
 
 mod coordinates;
 mod levels;
@@ -22,7 +23,7 @@ use crate::memory;
 use crate::points::Points;
 use crate::simd::Aligned;
 
-/// Most correspondences whose scores are kept in f64.
+/// Most correspondences whose scores are stored in f64.
 pub const DOUBLE_LIMIT: usize = 1024;
 
 /// Symmetric matrix of pair scores with a given diagonal.
@@ -36,14 +37,14 @@ pub struct PairMatrix {
 
 #[derive(Debug)]
 enum Form {
-    /// Tile after tile of every band, if all of them fit.
+    /// Tiles of every band, if all of them fit.
     Double(Option<Vec<Vec<f64>>>),
-    /// The same, rounded; and what they are computed from.
+    /// Rounded tiles, if they fit, and the positions that they are computed from.
     Rounded(PairPositions<f32>, Option<Vec<Vec<u16>>>),
 }
 
 impl PairMatrix {
-    /// Builds the matrix; `diagonal` is zero where it is not given.
+    /// Builds the matrix; `diagonal` is zero if not given.
     ///
     /// # Errors
     /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
@@ -78,7 +79,7 @@ impl PairMatrix {
         Ok(Self { positions, score, diagonal, form })
     }
 
-    /// The matrix of the correspondences `indices` alone.
+    /// The matrix of the correspondences at `indices`.
     ///
     /// # Errors
     /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
@@ -88,7 +89,7 @@ impl PairMatrix {
         Self::of(self.positions.subset(indices)?, self.score, diagonal, execution)
     }
 
-    /// The matrix of the correspondences `indices` alone, in place of this one: never both in memory.
+    /// The matrix of the correspondences at `indices`, in place of this one: never both in memory.
     ///
     /// # Errors
     /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
@@ -126,7 +127,7 @@ impl PairMatrix {
         Ok(self.plus_diagonal(product?, x))
     }
 
-    /// `M x` with the entries that are kept: off by about [`Self::rounding`] times the sum of `x`.
+    /// `M x` with the stored entries: the error is about [`Self::rounding`] times the sum of `x`.
     ///
     /// # Errors
     /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
@@ -151,8 +152,8 @@ impl PairMatrix {
         product
     }
 
-    /// Error of an entry that is kept: half a level, and the tenth of one that f32 makes of a score where the
-    /// points are about half the extent apart. Scores of points that nearly coincide are off by more.
+    /// Error of a stored entry: half a level, plus a tenth of a level for f32 scores of points about half the
+    /// extent apart. Scores of nearly coincident points have larger errors.
     pub fn rounding(&self) -> f64 {
         match self.form {
             Form::Double(_) => f64::EPSILON,
@@ -179,7 +180,7 @@ impl PairMatrix {
     }
 }
 
-/// Writes a part, row after row.
+/// Writes a part by rows.
 fn fill_rows<T: Coordinate>(
     positions: &PairPositions<T>,
     score: PairScore,
@@ -191,7 +192,7 @@ fn fill_rows<T: Coordinate>(
     }
 }
 
-/// Writes a part rounded to 16 bits, its rows interleaved.
+/// Writes a part rounded to 16 bits, with its rows interleaved.
 fn fill_levels(positions: &PairPositions<f32>, score: PairScore) -> impl Fn(&Part, &mut [u16]) + Sync + '_ {
     move |part, entries| {
         let mut scores = Aligned([0.0; TILE]);

@@ -1,23 +1,23 @@
-//! Products of a few rows of a symmetric matrix with a vector, as inner loops.
+//! Inner loops for products of a few rows of a symmetric matrix with a vector.
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 
 use super::coordinates::Coordinate;
 use crate::simd::{self, DOUBLES, Kernel, Lanes};
 
-/// Rows that are worked on at a time: their entries share the loads of the vector and of the mirrored product.
+/// Rows processed at a time: their entries share the loads of the vector and of the mirrored product.
 pub const ROW_GROUP: usize = 4;
 
-/// An entry of the matrix as it is stored, or as it is computed for one product.
+/// An entry of the matrix, stored or computed for one product.
 pub trait Entry: Copy + Default + Send + Sync {
-    /// What short sums of products with such entries are kept in.
+    /// Number type of short sums of products with such entries.
     type Number: Copy + Default + Send + Sync + Into<f64>;
 
-    /// An entry of the vector.
+    /// Converts an entry of the vector.
     fn number(value: f64) -> Self::Number;
 
-    /// For [`ROW_GROUP`] rows right of the diagonal: `sum_j row_j x_j` of each, and onto `mirrored_j` what the same
-    /// entries add below the diagonal, `sum_i weight_i row_ij`.
+    /// For [`ROW_GROUP`] rows right of the diagonal: returns `sum_j row_j x_j` of each, and adds the same
+    /// entries' contribution below the diagonal, `sum_i weight_i row_ij`, to `mirrored_j`.
     fn add_products(
         rows: &[Self],
         x: &[Self::Number],
@@ -26,7 +26,7 @@ pub trait Entry: Copy + Default + Send + Sync {
     ) -> [f64; ROW_GROUP];
 }
 
-/// Row after row, summed in f64.
+/// Row by row, summed in f64.
 impl<T: Coordinate> Entry for T {
     type Number = f64;
 
@@ -46,7 +46,7 @@ impl<T: Coordinate> Entry for T {
 }
 
 struct RowsTimesVector<'a, T> {
-    /// As long as `x`, each.
+    /// Each as long as `x`.
     rows: [&'a [T]; ROW_GROUP],
     /// The vector at the rows' columns.
     x: &'a [f64],

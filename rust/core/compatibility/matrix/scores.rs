@@ -1,4 +1,4 @@
-//! Pair scores of correspondences, row by row.
+//! Pair scores of correspondences, by rows.
 
 use super::coordinates::{Coordinate, Sides, fill_row};
 use crate::error::Result;
@@ -6,23 +6,23 @@ use crate::memory;
 use crate::points::{Points, unit_scale};
 use crate::simd;
 
-/// What a pair of correspondences scores. Pairs with a zero-length edge score 0 unless said otherwise.
+/// Score of a pair of correspondences. Pairs with a zero-length edge score 0 unless stated otherwise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum PairScore {
     /// `r(c_i, c_j) = min(ds/dt, dt/ds)`, Eq. 12.
     DistanceRatio,
-    /// The distance ratio where it is at least this, else 0.
+    /// The distance ratio if it is at least this, else 0.
     DistanceRatioFrom(f64),
-    /// 1 where the distance ratio is at least this, else 0.
+    /// 1 if the distance ratio is at least this, else 0.
     DistanceRatioIndicator(f64),
-    /// 1 where `|ds - dt|` is at most `tolerance`, else 0.
+    /// 1 if `|ds - dt|` is at most `tolerance`, else 0.
     DistanceDifferenceIndicator {
         /// Greatest difference, a length.
         tolerance: f64,
         /// Whether pairs that share a source or a target point score 0.
         one_to_one: bool,
     },
-    /// `max(0, 1 - (ds - dt)^2 / tolerance^2)`; pairs that share a point score as others do.
+    /// `max(0, 1 - (ds - dt)^2 / tolerance^2)`, also for pairs that share a point.
     SquaredDistanceDifference {
         /// Least difference that scores 0, a length.
         tolerance: f64,
@@ -46,12 +46,12 @@ pub struct PairPositions<T> {
     sides: Sides<T>,
     /// Factor from the data's unit to the stored one.
     scale: f64,
-    /// Number of correspondences; those that the axes are filled up with come after.
+    /// Number of correspondences, without the padding of the axes.
     count: usize,
 }
 
 impl PairPositions<f64> {
-    /// Of matched points.
+    /// Positions of matched points.
     ///
     /// # Errors
     /// [`crate::Error::OutOfMemory`].
@@ -66,7 +66,7 @@ impl PairPositions<f64> {
         Ok(Self { sides: Sides::new(scaled, zero_squared)?, scale, count: source.len() })
     }
 
-    /// The same in f32.
+    /// Converts to f32.
     ///
     /// # Errors
     /// [`crate::Error::OutOfMemory`].
@@ -76,7 +76,7 @@ impl PairPositions<f64> {
 }
 
 impl<T: Coordinate> PairPositions<T> {
-    /// The correspondences `indices` alone.
+    /// The correspondences at `indices`.
     ///
     /// # Errors
     /// [`crate::Error::OutOfMemory`].
@@ -89,7 +89,7 @@ impl<T: Coordinate> PairPositions<T> {
         self.count
     }
 
-    /// Lets pairs with a zero-length edge score like all others.
+    /// Makes pairs with a zero-length edge score like all others.
     pub fn allow_shared_points(&mut self) {
         self.sides.zero_squared = [T::from_f64(-1.0); 2]; // below any square
     }
@@ -99,8 +99,8 @@ impl<T: Coordinate> PairPositions<T> {
         self.fill_part(score, i, 0, row);
     }
 
-    /// Writes the scores of correspondence `i` with those from `first` on, as many as `row` takes: in f32
-    /// whole groups, the last of which may go beyond the last correspondence.
+    /// Writes the scores of correspondence `i` with those from `first` on, to the length of `row`: in f32
+    /// whole groups, of which the last may exceed the correspondences.
     pub fn fill_part(&self, score: PairScore, i: usize, first: usize, row: &mut [T]) {
         let zero = T::default();
         match score {
@@ -113,7 +113,7 @@ impl<T: Coordinate> PairPositions<T> {
             PairScore::DistanceRatioIndicator(least) => {
                 T::fill_ratios(&self.sides, i, first, row);
                 let least = T::from_f64(least);
-                // No length is zero where the ratio is not.
+                // A nonzero ratio has nonzero lengths.
                 row.iter_mut().for_each(|entry| *entry = T::from(*entry >= least && *entry > zero));
             }
             PairScore::DistanceDifferenceIndicator { tolerance, .. } => {
@@ -128,7 +128,7 @@ impl<T: Coordinate> PairPositions<T> {
         }
     }
 
-    /// Writes 1 where `|ds - dt|` is at most `tolerance`, else 0.
+    /// Writes 1 if `|ds - dt|` is at most `tolerance`, else 0.
     fn fill_agreements(&self, tolerance: f64, i: usize, first: usize, row: &mut [T]) {
         let tolerance = T::from_f64(tolerance * self.scale);
         simd::run(

@@ -1,7 +1,7 @@
-//! Tiling of a symmetric matrix: bands of rows, cut into tiles that fit the first-level cache.
+//! Tiling of a symmetric matrix: bands of rows, divided into tiles that fit the first-level cache.
 //!
-//! Only the part from the diagonal to the right is looked at; each entry is used twice, for its row and,
-//! mirrored, for its column. The cut depends on the size alone, so sums are the same for any number of threads.
+//! Only the entries from the diagonal to the right are used; each is used twice, for its row and, mirrored,
+//! for its column. The tiling depends on the size alone, so sums are the same for any number of threads.
 
 use std::ops::Range;
 
@@ -13,11 +13,11 @@ use crate::execution::Execution;
 use crate::memory;
 use crate::simd::{Aligned, SINGLES};
 
-/// Bands that the rows are cut into: enough for many threads, few enough that their sums are cheap to add.
+/// Number of bands: enough for many threads, few enough that their sums are cheap to add.
 const BANDS: usize = 64;
 
-/// Fewest rows of a band. So few correspondences are summed row by row, so that equal rows, as
-/// duplicates have, get bit-equal products.
+/// Fewest rows of a band. A matrix this small is summed row by row, so that equal rows, from duplicates, have
+/// bit-equal products.
 const MIN_BAND: usize = 256;
 
 /// Columns of a tile.
@@ -26,21 +26,21 @@ pub(super) const TILE: usize = 1024;
 /// Rows of a tile whose products with f32 vectors are summed in f32.
 const SHORT_SUM: usize = 256;
 
-/// Some rows at some columns; entries of rows that are left over to a whole group are not looked at.
+/// Some rows at some columns; entries of rows that pad the group are ignored.
 #[derive(Debug, Clone)]
 pub(super) struct Part {
     pub(super) rows: Range<usize>,
     pub(super) columns: Range<usize>,
 }
 
-/// How the matrix is cut.
+/// The tiling of a matrix.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Cut {
     rows: usize,
     columns: usize,
 }
 
-/// Where a tile lies: in which band, whose first row that is, from where in its entries, and which columns.
+/// A tile: its band, the band's first row, its start in the band's entries, and its columns.
 pub(super) struct Tile {
     band: usize,
     first_row: usize,
@@ -49,24 +49,24 @@ pub(super) struct Tile {
 }
 
 impl Cut {
-    /// Of a matrix of that many rows and columns.
+    /// Tiling of a matrix with `size` rows and columns.
     pub(super) fn of(size: usize) -> Self {
         Self { rows: size, columns: size }
     }
 
-    /// With columns filled up to whole groups of f32.
+    /// Pads columns to whole groups of f32.
     pub(super) fn in_whole_groups(self) -> Self {
         Self { columns: self.rows.next_multiple_of(SINGLES), ..self }
     }
 
-    /// Rows of the bands, in whole groups but for the last one.
+    /// Rows of the bands, in whole groups except for the last one.
     fn bands(self) -> impl IndexedParallelIterator<Item = (usize, Range<usize>)> {
         let height = self.rows.div_ceil(BANDS).next_multiple_of(SINGLES).max(MIN_BAND);
         let bands = (0..self.rows.div_ceil(height)).into_par_iter();
         bands.map(move |band| (band, band * height..((band + 1) * height).min(self.rows)))
     }
 
-    /// Tiles of a band: first its square on the diagonal, then what is right of it.
+    /// Tiles of a band: first its square on the diagonal, then the part to the right of it.
     fn tiles(self, band: usize, rows: &Range<usize>) -> impl Iterator<Item = Tile> {
         let cut =
             |from: usize, to: usize| (from..to).step_by(TILE).map(move |first| first..(first + TILE).min(to));
@@ -79,17 +79,17 @@ impl Cut {
         })
     }
 
-    /// The first column right of the band's square; the last band's square takes all.
+    /// End of the columns of the band's square; the last band's square takes all.
     fn square_end(self, rows: &Range<usize>) -> usize {
         if rows.end == self.rows { self.columns } else { rows.end }
     }
 
-    /// Entries of a band; its rows are filled up to whole groups.
+    /// Entries of a band; its rows are padded to whole groups.
     fn band_entries(self, rows: &Range<usize>) -> usize {
         rows.len().next_multiple_of(ROW_GROUP).saturating_mul(self.columns - rows.start)
     }
 
-    /// All tiles, filled group by group of rows, if they fit into memory.
+    /// All tiles, filled by groups of rows, if they fit into memory.
     pub(super) fn fill_if_fits<T: Entry>(
         self,
         execution: &Execution,
@@ -101,7 +101,7 @@ impl Cut {
         }
         let fill_band = |(band, rows): (usize, Range<usize>)| {
             let mut entries = memory::with_capacity(self.band_entries(&rows))?;
-            // Copied from the cache; zeros to be written over would go through memory once more.
+            // Filled in the cache and copied; overwriting zeros would go through memory twice.
             let mut of_group = Aligned([T::default(); ROW_GROUP * TILE]);
             for Tile { columns, .. } in self.tiles(band, &rows) {
                 let of_group = &mut of_group.0[..ROW_GROUP * columns.len()];
@@ -161,7 +161,7 @@ impl Cut {
                 for group in groups(&part) {
                     let entries = matrix.group(&tile, &group, &mut buffer);
                     let own_x = &x[group.clone()];
-                    // 0 for rows that are left over to a whole group.
+                    // 0 for rows that pad the group.
                     let weights = std::array::from_fn(|row| own_x.get(row).copied().unwrap_or_default());
                     let products = T::add_products(entries, &x[columns.clone()], weights, &mut below.0);
                     let own = &mut own[group.start - rows.start..group.end - rows.start];
@@ -183,24 +183,24 @@ fn groups(rows: &Range<usize>) -> impl Iterator<Item = Range<usize>> + use<> {
     (start..end).step_by(ROW_GROUP).map(move |first| first..(first + ROW_GROUP).min(end))
 }
 
-/// What the rows of a band contribute to a product.
+/// Contribution of the rows of a band to a product.
 #[derive(Clone, Default)]
 struct BandProduct {
     rows: Range<usize>,
-    /// To their own entries.
+    /// To the band's own entries.
     own: Vec<f64>,
     /// To the entries after the band.
     mirrored: Vec<f64>,
 }
 
-/// Rows of tiles: kept in memory, or else filled in for each product.
+/// Rows of tiles: stored, or computed for each product.
 pub(super) struct Rows<'a, T, F> {
     pub(super) stored: Option<&'a [Vec<T>]>,
     pub(super) fill: F,
 }
 
 impl<T: Entry, F: Fn(&Part, &mut [T])> Rows<'_, T, F> {
-    /// What rows that are not kept are filled in into.
+    /// Buffer for rows that are not stored.
     fn buffer(&self) -> Result<Vec<T>> {
         memory::filled(T::default(), if self.stored.is_some() { 0 } else { ROW_GROUP * TILE })
     }

@@ -1,16 +1,16 @@
-//! Targets that may be among the nearest neighbours of one source descriptor.
+//! Candidates for the nearest neighbours of one source descriptor.
 
 #![expect(clippy::inline_always, reason = "must take on the vector features of the loop it stands in")]
 
 use crate::error::Result;
 use crate::memory;
 
-/// Values that are tested at once against the bound.
+/// Values compared at once with the bound.
 const CHUNK: usize = 32;
-/// Candidates kept before the list is thinned out.
+/// Candidates kept before the list is pruned.
 const MAX_CANDIDATES: usize = 256;
 
-/// Targets of one source row that may be among its nearest, by the bounded value.
+/// Targets that may be among the nearest of one source row, by a value with bounded error.
 pub(super) struct Candidates {
     slack: f32,
     /// The smallest values so far, ascending.
@@ -19,18 +19,18 @@ pub(super) struct Candidates {
 }
 
 impl Candidates {
-    /// For the `count` nearest, with values that are off by up to `slack`.
+    /// Candidates for the `count` nearest, with values that have an error of up to `slack`.
     pub fn new(count: usize, slack: f32) -> Result<Self> {
         Ok(Self { slack: 2.0 * slack, lowest: memory::filled(f32::INFINITY, count)?, found: Vec::new() })
     }
 
-    /// A value above this can't belong to the nearest.
+    /// A target with a greater value cannot be among the nearest.
     #[inline(always)]
     fn limit(&self) -> f32 {
         self.lowest[self.lowest.len() - 1] + self.slack
     }
 
-    /// Looks at `product + squared norm` of targets from `first` on.
+    /// Scans `product + squared norm` of targets from `first` on.
     #[inline(always)]
     pub fn scan(&mut self, products: &[f32], squared_norms: &[f32], first: u32) -> Result<()> {
         let chunks = products.chunks(CHUNK).zip(squared_norms.chunks(CHUNK));

@@ -1,12 +1,12 @@
-//! The source rows nearest to every target, as far as single precision tells.
+//! The nearest source row of every target, within single precision.
 
 #![expect(clippy::inline_always, reason = "must take on the vector features of the loop it stands in")]
 
 use crate::error::Result;
 use crate::memory;
 
-/// For every target the smallest and second-smallest value so far, and the source row of the smallest. Merged in any
-/// order it is the same, but for which row is named where the two are equal.
+/// The smallest and second-smallest value of every target so far, and the source row of the smallest. Merging
+/// in any order gives the same result, except for the row of equal values.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Columns {
     smallest: Vec<f32>,
@@ -15,7 +15,7 @@ pub(super) struct Columns {
 }
 
 impl Columns {
-    /// These, or columns for so many targets in place of none.
+    /// These columns, or new ones for `targets` targets if empty.
     pub fn or_new(self, targets: usize) -> Result<Self> {
         if !self.rows.is_empty() {
             return Ok(self);
@@ -24,7 +24,7 @@ impl Columns {
         Ok(Self { smallest: none()?, second: none()?, rows: memory::filled(0, targets)? })
     }
 
-    /// Takes in `product + squared norm` of source row `row` for targets from `first` on.
+    /// Updates the targets from `first` on with `product + squared norm` of source row `row`.
     #[inline(always)]
     pub fn scan(&mut self, products: &[f32], squared_norm: f32, row: u32, first: usize) {
         let range = first..first + products.len();
@@ -34,7 +34,7 @@ impl Columns {
         }
     }
 
-    /// Takes in what another part of the source rows gave.
+    /// Merges the columns of another part of the source rows.
     pub fn merge(mut self, other: Self) -> Self {
         if self.rows.is_empty() {
             return other;
@@ -55,7 +55,7 @@ impl Columns {
         &self.rows
     }
 
-    /// How far the second-smallest value of target `j` is from the smallest.
+    /// Difference of the second-smallest and the smallest value of target `j`.
     pub fn lead(&self, j: usize) -> f32 {
         self.second[j] - self.smallest[j]
     }
@@ -63,7 +63,7 @@ impl Columns {
 
 #[inline(always)]
 fn insert(value: f32, row: u32, (smallest, second, lowest): (&mut f32, &mut f32, &mut u32)) {
-    // Read first and written once, so that vector code doesn't read again what it has just written.
+    // Read first and written once: vector code then does not reread values just written.
     let (least, next, holder) = (*smallest, *second, *lowest);
     let is_smaller = value < least;
     let larger = if is_smaller { least } else { value };

@@ -3,21 +3,20 @@
 use crate::error::{Error, Result};
 use crate::memory;
 
-/// Descriptors of one side; rows that are not finite stand for keypoints without a descriptor and are
-/// left out.
+/// Descriptors of one side, without rows that are not finite: keypoints without a descriptor.
 #[derive(Debug, Clone, Default)]
 pub struct Descriptors {
     values: Vec<f64>,
     pub(super) length: usize,
-    /// Which of the given rows these are.
+    /// Indices of the kept rows in the input.
     pub(super) rows: Vec<usize>,
 }
 
 impl Descriptors {
-    /// Takes descriptors of `length` numbers each, row after row.
+    /// Reads descriptors of `length` numbers each, by rows.
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] for a length of 0 or an incomplete last row; `name` is used in it.
+    /// [`Error::InvalidInput`] for a length of 0 or an incomplete last row, with `name` in its message.
     /// [`Error::OutOfMemory`].
     pub fn new<T: Copy + Into<f64>>(name: &str, values: &[T], length: usize) -> Result<Self> {
         if length == 0 || !values.len().is_multiple_of(length) {
@@ -37,12 +36,12 @@ impl Descriptors {
         Ok(Self { values, length, rows })
     }
 
-    /// Number of descriptors that take part.
+    /// Number of finite descriptors.
     pub fn len(&self) -> usize {
         self.rows.len()
     }
 
-    /// Whether none takes part.
+    /// Whether there is no finite descriptor.
     pub fn is_empty(&self) -> bool {
         self.rows.is_empty()
     }
@@ -55,7 +54,7 @@ impl Descriptors {
         &self.values
     }
 
-    /// Those of the descriptors alone.
+    /// The descriptors at `indices`.
     pub(super) fn subset(&self, indices: &[usize]) -> Result<Self> {
         let mut values = memory::with_capacity(indices.len() * self.length)?;
         indices.iter().for_each(|&i| values.extend_from_slice(self.row(i)));
@@ -67,8 +66,8 @@ impl Descriptors {
     }
 }
 
-/// The numbers, read once: another process may write to them meanwhile. Never inlined, so that no compiler reads
-/// them again in place of the copy.
+/// Copies the numbers, read once: another process may write to them meanwhile. Never inlined, so that the
+/// compiler does not read them a second time.
 #[inline(never)]
 fn copied<T: Copy + Into<f64>>(values: &[T]) -> Result<Vec<f64>> {
     memory::collect(values.iter().map(|&value| value.into()))

@@ -1,10 +1,10 @@
-//! Exact descriptor matching: the nearest targets of every source descriptor in L2, and whether the source is the
-//! nearest of each of them.
+//! Exact descriptor matching: the nearest targets of every source descriptor in L2, with a test for mutual
+//! nearest neighbours.
 //!
-//! Squared distances are first bounded by a single-precision matrix product; whatever may still be among the nearest
-//! is then computed in double precision, so the result is that of a plain double loop, ties going to the lowest
-//! index. One pass over the product serves both directions. In hundreds of dimensions no tree does better. Cost
-//! O(n n' d).
+//! A single-precision matrix product first bounds the squared distances. Candidates for the nearest are then
+//! computed in double precision, so the result is that of a plain double loop, ties to the lowest index. One
+//! pass over the product serves both directions. In hundreds of dimensions trees are no faster. Cost O(n n'
+//! d).
 
 mod candidates;
 mod columns;
@@ -22,10 +22,10 @@ use product::{Found, Product};
 /// A squared distance at or below this counts as zero in the ratio.
 const ZERO_SQUARED_DISTANCE: f64 = 1e-7;
 
-/// Which matches are kept.
+/// Selection of matches.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Matching {
-    /// Targets per source row, the nearest ones; fewer where there are fewer.
+    /// Number of nearest targets per source row; fewer if there are fewer targets.
     pub k: usize,
     /// Keep a match only if the source descriptor is also nearest to the target descriptor.
     pub mutual: bool,
@@ -39,7 +39,7 @@ impl Default for Matching {
     }
 }
 
-/// One match. Indices count all rows that were given, those left out included.
+/// A match. Indices refer to all input rows, including skipped ones.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Match {
     /// Row of the source descriptor.
@@ -50,17 +50,17 @@ pub struct Match {
     pub rank: usize,
     /// Distance between the two.
     pub distance: f64,
-    /// Distance of the source to its second-nearest target; infinite where there is none.
+    /// Distance of the source to its second-nearest target; infinite without one.
     pub second_distance: f64,
-    /// `1 - |f/|f| - f'/|f'||`; negative infinity where a descriptor is zero (paper, section 3.1).
+    /// `1 - |f/|f| - f'/|f'||`; negative infinity if a descriptor is zero (paper, section 3.1).
     pub similarity: f64,
-    /// Whether no source descriptor is nearer to the target; of equally near ones the lowest row is its nearest.
+    /// Whether no source descriptor is nearer to the target; ties to the lowest row.
     pub is_mutual: bool,
 }
 
 impl Match {
-    /// Distance over second-nearest distance, in 0..=1, lower is better (paper, section 3.2); 1 where the second is
-    /// missing or its square is at most 1e-7, and for any rank but the first.
+    /// Distance over second-nearest distance, in 0..=1, lower is better (paper, section 3.2); 1 if the second
+    /// is missing or its square is at most 1e-7, and for any rank but the first.
     pub fn ratio(&self) -> f64 {
         let second = self.second_distance;
         if second.is_infinite() || second * second <= ZERO_SQUARED_DISTANCE {
@@ -74,9 +74,9 @@ impl Matching {
     /// Matches in ascending order of the source row, then of the rank.
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] for descriptors of different lengths or so unlike in size that squared distances lose
-    /// digits, a `k` of 0 or beyond the memory bound, or a `max_distance` that is not positive;
-    /// [`Error::Interrupted`], [`Error::OutOfMemory`].
+    /// [`Error::InvalidInput`] for descriptors of different lengths or of too different magnitudes for the
+    /// precision of squared distances, a `k` of 0 or beyond the memory bound, or a `max_distance` that is not
+    /// positive; [`Error::Interrupted`], [`Error::OutOfMemory`].
     pub fn run(
         &self,
         source: &Descriptors,
@@ -110,7 +110,7 @@ impl Matching {
     }
 }
 
-/// The nearest source row of every target that is among the `k` nearest of one.
+/// The nearest source row of every target that is among the `k` nearest of a source row.
 fn owners(product: &Product<'_>, found: &Found, k: usize, execution: &Execution) -> Result<Vec<u32>> {
     let mut is_wanted = memory::filled(false, product.targets())?;
     found.rows().for_each(|row| row.iter().take(k).for_each(|near| is_wanted[near.index as usize] = true));
@@ -125,7 +125,7 @@ fn owners(product: &Product<'_>, found: &Found, k: usize, execution: &Execution)
     Ok(owners)
 }
 
-/// Both sides, and the power of two that their distances were scaled by.
+/// Both sides, and the power of two that scales their distances.
 struct Pair<'a> {
     source: &'a Descriptors,
     target: &'a Descriptors,
@@ -150,7 +150,7 @@ impl Pair<'_> {
 }
 
 fn similarity(f: &[f64], g: &[f64]) -> f64 {
-    // Scaled by powers of two, so that no square vanishes and no bit changes.
+    // Scaled by powers of two: no square underflows and no bit changes.
     let unit = |row: &[f64]| unit_scale(row.iter().fold(0.0, |most: f64, value| most.max(value.abs())));
     let (f_unit, g_unit) = (unit(f), unit(g));
     let norm = |row: &[f64], unit: f64| row.iter().map(|v| (v * unit) * (v * unit)).sum::<f64>().sqrt();
@@ -170,7 +170,7 @@ mod tests {
         (0..rows * length).map(|i| (i as f64 * 0.7 + seed).sin() + (i as f64 * seed).cos()).collect()
     }
 
-    /// Every match, without its similarity: (target, distance, second distance, is mutual) by row, then rank.
+    /// All matches by row and rank, without similarity: (target, distance, second distance, is mutual).
     fn brute_force(source: &Descriptors, target: &Descriptors, k: usize) -> Vec<(usize, f64, f64, bool)> {
         let distance = |i: usize, j: usize| {
             let pairs = source.row(i).iter().zip(target.row(j));

@@ -16,22 +16,22 @@ use crate::simd;
 /// Source rows and target rows of one matrix product: the product stays in the second-level cache.
 const SOURCE_BLOCK: usize = 96;
 const TARGET_BLOCK: usize = 1024;
-/// Bytes that the matrix product takes for itself on a thread's first one, and ends the process without.
+/// Bytes that the matrix product allocates on a thread's first use; a failure would end the process.
 const MATMUL_MEMORY: usize = 4 << 20;
 /// Half a unit in the last place of 1 in single precision.
 const UNIT_ROUNDOFF: f64 = 1.0 / (1 << 24) as f64;
 
-/// Squares below this, which are those of lengths around 1, have lost digits, or their terms have.
+/// Squares of lengths around 1 below this have lost digits, or their terms have.
 const LEAST_SQUARE: f64 = 1e-300;
 
-/// A target, and its distance from a source row, scaled.
+/// A target, and its scaled distance from a source row.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Near {
     pub index: u32,
     pub distance: f64,
 }
 
-/// The nearest targets of every source row, and what is known of the nearest source rows.
+/// The nearest targets of every source row, and bounds for the nearest source rows.
 pub(super) struct Found {
     width: usize,
     nearest: Vec<Near>,
@@ -67,13 +67,13 @@ impl Scaled {
     }
 }
 
-/// Two sides, ready to be multiplied.
+/// Two sides, prepared for multiplication.
 pub(super) struct Product<'a> {
     source: &'a Descriptors,
     target: &'a Descriptors,
     a: Scaled,
     b: Scaled,
-    /// The power of two that brings the largest value to about 1.
+    /// The power of two that scales the largest value to about 1.
     pub unit: f64,
 }
 
@@ -92,20 +92,20 @@ impl<'a> Product<'a> {
         self.target.len()
     }
 
-    /// Some of the targets as sources, and the sources as targets.
+    /// Some of the targets as sources, with the sources as targets.
     pub fn reversed(&self, targets: &[usize]) -> Result<(Descriptors, &'a Descriptors)> {
         Ok((self.target.subset(targets)?, self.source))
     }
 
-    /// Whether single precision leaves open which source row is nearest to target `j`.
+    /// Whether single precision does not determine the source row nearest to target `j`.
     pub fn is_open(&self, columns: &Columns, j: usize) -> bool {
         columns.lead(j) <= 2.0 * error_bound(self.source.length, self.b.norms[j], self.a.farthest)
     }
 
-    /// The `count` nearest targets of every source row, as many as there are, by (distance, index).
+    /// The `count` nearest targets of every source row (all if there are fewer), by (distance, index).
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] where descriptors that are not equal have a distance too small to square;
+    /// [`Error::InvalidInput`] if descriptors that are not equal have a distance too small to square;
     /// [`Error::Interrupted`], [`Error::OutOfMemory`].
     pub fn nearest(&self, count: usize, execution: &Execution) -> Result<Found> {
         let (targets, width) = (self.targets(), count.min(self.targets()));
@@ -121,7 +121,7 @@ impl<'a> Product<'a> {
         Ok(Found { width, nearest, columns: columns.or_new(targets)? })
     }
 
-    /// The nearest targets of the source rows from `start` on.
+    /// Finds the nearest targets of the source rows from `start` on.
     fn search(
         &self,
         start: usize,
@@ -141,7 +141,7 @@ impl<'a> Product<'a> {
         Ok(())
     }
 
-    /// Offers every target to every source row of a block, and the other way round.
+    /// Scans all targets for every source row of a block, and vice versa.
     fn scan_targets(
         &self,
         start: usize,
@@ -187,7 +187,7 @@ impl<'a> Product<'a> {
         Ok(())
     }
 
-    /// The nearest of the candidates, in double precision.
+    /// Selects the nearest of the candidates, in double precision.
     fn select(&self, i: usize, candidates: impl Iterator<Item = u32>, result: &mut [Near]) -> Result<()> {
         let row = self.source.row(i);
         let mut exact = memory::with_capacity(result.len())?;
@@ -207,7 +207,7 @@ impl<'a> Product<'a> {
     }
 }
 
-/// Bound on the error of `|b|^2 - 2 a.b` as it is computed, whatever the order of summation.
+/// Bound on the error of the computed `|b|^2 - 2 a.b`, for any order of summation.
 fn error_bound(length: usize, norm: f64, farthest: f64) -> f32 {
     (2.0 * UNIT_ROUNDOFF * (length + 8) as f64 * (norm + farthest) * farthest + 1e-30) as f32
 }
