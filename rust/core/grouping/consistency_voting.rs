@@ -30,12 +30,13 @@ method! {
         pub angle_scale: f64 = 10.0, POSITIVE;
         /// Number of voters: the correspondences with the lowest ratios.
         pub voters: usize = 200;
-        /// Leave out the vote of a voter for itself.
+        /// Exclude the vote of a voter for itself.
         pub exclude_self: bool = false;
-        /// Scores above it are selected.
+        /// Scores above this are selected.
         pub threshold: Threshold = Threshold::Otsu;
-        /// How Otsu's cut is found: on 100 equal bins between the least and the greatest score; between any two scores; as
-        /// in the code of SI's author, for scores from 0 to 1; or as in the evaluation group's later code.
+        /// Candidates of Otsu's threshold: 100 equal bins between the least and the greatest score; every gap
+        /// between scores; as in the code of SI's author, for scores from 0 to 1; or as in the evaluation
+        /// group's later code.
         pub otsu: OtsuMode = OtsuMode::default();
     }
 }
@@ -78,7 +79,7 @@ struct Matches<'a> {
 }
 
 impl Matches<'_> {
-    /// What the votes on or by `i` are computed from; nothing where a frame is missing.
+    /// Terms of the votes for or by `i`; `None` if a frame is missing.
     fn terms(&self, i: usize) -> Option<Terms<f64>> {
         Some(Terms {
             points: [self.source.get(i).into(), self.target.get(i).into()],
@@ -94,13 +95,13 @@ struct Terms<T> {
     frames: [[T; 9]; 2],
 }
 
-/// Voters in a block: whole registers, and the default number of voters fills whole blocks.
+/// Voters per block: whole registers, and the default number of voters fills whole blocks.
 const VOTER_BLOCK: usize = 40;
 
 type Block = Terms<[f64; VOTER_BLOCK]>;
 
 impl Block {
-    /// Voters so far away, in the source alone, that their votes are 0.
+    /// Voters at infinity in the source alone: their votes are 0.
     const NO_VOTERS: Self = Self {
         points: [[[f64::INFINITY; VOTER_BLOCK]; 3], [[0.0; VOTER_BLOCK]; 3]],
         frames: [[[0.0; VOTER_BLOCK]; 9]; 2],
@@ -174,8 +175,8 @@ impl Kernel for VotesOn<'_> {
 }
 
 impl VotesOn<'_> {
-    /// `D_ij = exp(-(|ds - dt| / delta_r)^2 - (|e - e'| / delta_L)^2)` of each voter: in several short loops,
-    /// because the processor works on several rounds of a loop at once only where they are short.
+    /// `D_ij = exp(-(|ds - dt| / delta_r)^2 - (|e - e'| / delta_L)^2)` of each voter. Split into short loops:
+    /// the processor overlaps the iterations of short loops only.
     #[inline(always)]
     fn votes<A: Arithmetic>(&self, arithmetic: A, block: &Block) -> [f64; VOTER_BLOCK] {
         let Terms { points, frames } = &self.candidate;
@@ -266,7 +267,7 @@ mod tests {
         Ok(())
     }
 
-    /// Points and frames all over the place; every fifth frame is missing.
+    /// Random points and frames; every fifth frame is missing.
     fn clutter(n: usize) -> Result<Correspondences> {
         let number = |i: usize, k: usize| 30.0 * ((i * 37 + k * 101) as f64).sin();
         let rows =
@@ -281,7 +282,7 @@ mod tests {
             .with_frames(frames(0), frames(1))
     }
 
-    /// `D_ij` as the paper has it.
+    /// `D_ij` as in the paper.
     fn vote(input: &Correspondences, method: &ConsistencyVoting, i: usize, j: usize) -> Result<f64> {
         let (source, target) = input.positions("cv")?;
         let (source_frames, target_frames) = input.frames("cv")?;

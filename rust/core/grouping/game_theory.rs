@@ -1,9 +1,10 @@
-//! GTM: correspondences play a game; those that agree with many survivors survive.
+//! GTM: a game between correspondences; those that agree with many survivors survive.
 //!
 //! The paper, section 3.2, Eq. (17) and (18) (after Rodola, Albarelli, Bergamasco, Torsello, IJCV 2013). Each
-//! correspondence is a strategy, the payoff of a pair is its distance ratio, and a population that
-//! starts uniform evolves by replicator dynamics. Cost O(n^2) per step. Payoffs of more than
-//! [`DOUBLE_LIMIT`](crate::compatibility::matrix::DOUBLE_LIMIT) correspondences are rounded to 16 bits, 8e-6 at most.
+//! correspondence is a strategy, the payoff of a pair is its distance ratio, and an initially uniform
+//! population evolves by replicator dynamics. Cost O(n^2) per step. Payoffs of more than
+//! [`DOUBLE_LIMIT`](crate::compatibility::matrix::DOUBLE_LIMIT) correspondences are rounded to 16 bits, with
+//! errors of at most 8e-6.
 
 use super::GroupingMethod;
 use crate::compatibility::matrix::{PairMatrix, PairScore};
@@ -14,33 +15,33 @@ use crate::selection::otsu::{Cut, OtsuMode, Threshold};
 use crate::simd::sums::sum;
 use crate::{Correspondences, Execution, Grouping, Result, memory};
 
-/// In a population whose mean payoff is no greater, no two strategies are compatible.
+/// No two strategies of a population with at most this mean payoff are compatible.
 const NO_PAYOFF: f64 = 1e-300;
 
-/// What the strategies that are left out as extinct can hold together, at any later step.
+/// Bound on the total share of strategies removed as extinct, at any later step.
 const EXTINCT: f64 = 1e-12;
 
-/// The same, as a share of the rounding of payoffs, where that is greater.
+/// The same bound relative to the rounding of payoffs, if that is greater.
 const WITHIN_ROUNDING: f64 = 0.1;
 
-/// The game goes on without the extinct once fewer than this part of the strategies matter.
+/// Extinct strategies are removed once fewer than this part of the strategies matter.
 const WORTH_SHRINKING: f64 = 0.8;
 
-/// Strategies with a larger share have survived infection-immunisation.
+/// Least share of a survivor of infection-immunisation.
 const SURVIVES: f64 = 1e-9;
 
-/// Nash error at which infection-immunisation stops unless told otherwise.
+/// Default Nash error at which infection-immunisation stops.
 const NASH_ERROR: f64 = 1e-8;
 
-/// Payoffs that differ by less than this share of the greatest one are equal.
+/// Relative tolerance for equal payoffs.
 const PAYOFF_TIE: f64 = 1e-12;
 
 words! {
-    /// What two strategies earn against each other.
+    /// Payoff of two strategies.
     pub enum Payoff {
-        /// `min(ds/dt, dt/ds)`, the paper's.
+        /// `min(ds/dt, dt/ds)`, as in the paper.
         DistanceRatio = Value::Word("distance_ratio"),
-        /// 1 where `|ds - dt|` is at most the tolerance, else 0.
+        /// 1 if `|ds - dt|` is at most the tolerance, else 0.
         DistanceDifference = Value::Word("distance_difference"),
     }
 }
@@ -48,7 +49,7 @@ words! {
 words! {
     /// How the population evolves.
     pub enum Dynamics {
-        /// Discrete replicator dynamics, the paper's.
+        /// Discrete replicator dynamics, as in the paper.
         Replicator = Value::Word("replicator"),
         /// Infection and immunisation (Rota Bulo, Bomze, *Games and Economic Behavior* 2011): O(n) per step.
         InfectionImmunisation = Value::Word("infection_immunisation"),
@@ -60,22 +61,23 @@ method! {
     pub struct GameTheory = "gtm", ["source", "target"], optional ["resolution"], {
         /// Steps of the dynamics; more steps select fewer correspondences.
         pub iterations: usize = 100, ROUNDS;
-        /// Population shares above it are selected.
+        /// Population shares above this are selected.
         pub threshold: Threshold = Threshold::Otsu;
-        /// How Otsu's cut is found: on 100 equal bins between the least and the greatest score; between any two scores; as
-        /// in the code of SI's author, for scores from 0 to 1; or as in the evaluation group's later code.
+        /// Candidates of Otsu's threshold: 100 equal bins between the least and the greatest score; every gap
+        /// between scores; as in the code of SI's author, for scores from 0 to 1; or as in the evaluation
+        /// group's later code.
         pub otsu: OtsuMode = OtsuMode::default();
-        /// Pairs that share a point earn nothing; the distance ratio implies it.
+        /// Pairs that share a point have a payoff of 0; the distance ratio implies it.
         pub one_to_one: bool = false;
-        /// `min(ds/dt, dt/ds)`; or 1 where `|ds - dt|` is at most `tolerance`, else 0.
+        /// `min(ds/dt, dt/ds)`; or 1 if `|ds - dt|` is at most `tolerance`, else 0.
         pub payoff: Payoff = Payoff::default();
         /// Greatest `|ds - dt|` of the second payoff, a length; default `3 * resolution`.
         pub tolerance: Option<f64> = None;
-        /// Stop once a step moves the population by less (L1 norm); infection-immunisation stops at this Nash error, 1e-8
-        /// by default.
+        /// Stop once a step changes the population by less (L1 norm); infection-immunisation stops at this
+        /// Nash error, 1e-8 by default.
         pub convergence_tolerance: Option<f64> = None, POSITIVE;
-        /// Replicator dynamics, Eq. (17); or infection and immunisation (Rota Bulo, Bomze, 2011) at O(n) per step, which
-        /// selects the survivors (share above 1e-9). Give it some 10,000 iterations.
+        /// Replicator dynamics, Eq. (17); or infection and immunisation (Rota Bulo, Bomze, 2011) at O(n) per
+        /// step, which selects the survivors (share above 1e-9). The latter needs about 10,000 iterations.
         pub dynamics: Dynamics = Dynamics::default();
     }
 }
@@ -128,7 +130,7 @@ impl GameTheory {
 
     fn pair_score(&self, correspondences: &Correspondences) -> Result<PairScore> {
         Ok(match self.payoff {
-            // Zero-length edges earn 0, which contains the one-to-one rule.
+            // Zero-length edges have a payoff of 0, which includes the one-to-one rule.
             Payoff::DistanceRatio => PairScore::DistanceRatio,
             Payoff::DistanceDifference => PairScore::DistanceDifferenceIndicator {
                 tolerance: correspondences.length("tolerance", self.tolerance, 3.0)?,
@@ -161,7 +163,7 @@ impl GameTheory {
             let least = least_share(extinct, population.mean_payoff, steps_left);
             let matter = memory::collect((0..shares.len()).filter(|&i| shares[i] > least))?;
             if (matter.len() as f64) < WORTH_SHRINKING * shares.len() as f64 {
-                population.set(&alive, &shares); // the extinct keep the share that they have now
+                population.set(&alive, &shares); // extinct strategies keep their current share
                 payoff = payoff.into_subset(&matter, execution)?;
                 shares = memory::collect(matter.iter().map(|&i| shares[i]))?;
                 alive = memory::collect(matter.iter().map(|&i| alive[i]))?;
@@ -214,8 +216,8 @@ impl GameTheory {
     }
 }
 
-/// A share that is no greater can't reach `extinct` in the steps left: payoffs are at most 1 and the mean
-/// payoff never falls, so no share grows by more than `1 / z` in a step.
+/// Share up to which a strategy cannot reach `extinct` in the remaining steps: payoffs are at most 1 and the
+/// mean payoff never falls, so no share grows by more than `1 / z` per step.
 fn least_share(extinct: f64, mean_payoff: f64, steps_left: usize) -> f64 {
     extinct * mean_payoff.powf(steps_left as f64)
 }
@@ -224,7 +226,7 @@ fn uniform(n: usize) -> Result<Vec<f64>> {
     memory::filled(1.0 / n.max(1) as f64, n)
 }
 
-/// `sum_i min(x_i, mean - y_i)^2`: 0 exactly at a Nash equilibrium.
+/// `sum_i min(x_i, mean - y_i)^2`: 0 if and only if at a Nash equilibrium.
 fn squared_nash_error(shares: &[f64], payoffs: &[f64], mean: f64) -> f64 {
     shares.iter().zip(payoffs).map(|(&x, y)| x.min(mean - y).powi(2)).sum()
 }
@@ -236,8 +238,9 @@ struct Move {
     extinguishes: bool,
 }
 
-/// Towards the strategy that earns most above the mean, or away from the living one that earns most
-/// below it, whichever differs more; ties within rounding go to spreading, and to the lowest index.
+/// Moves towards the strategy with the greatest payoff above the mean, or away from the living one with the
+/// lowest payoff below it, whichever differs more; ties within rounding prefer towards, then the lowest
+/// index.
 fn best_move(shares: &[f64], payoffs: &[f64], mean: f64) -> Option<Move> {
     let tie = PAYOFF_TIE * payoffs.iter().fold(0.0, |most: f64, y| most.max(y.abs()));
     let spreads = |i: usize| payoffs[i] - mean > tie;
@@ -251,7 +254,7 @@ fn best_move(shares: &[f64], payoffs: &[f64], mean: f64) -> Option<Move> {
         (spread()?, 1.0)
     } else {
         let k = shrink()?;
-        (k, shares[k] / (shares[k] - 1.0)) // where its share reaches 0
+        (k, shares[k] / (shares[k] - 1.0)) // to a share of 0
     };
     let advantage = payoffs[strategy] - mean; // (e_k - x)' Pi x
     let curvature = mean - 2.0 * payoffs[strategy]; // (e_k - x)' Pi (e_k - x), as Pi_kk = 0

@@ -1,8 +1,8 @@
-//! GC: the largest cluster of correspondences that keep their distance to a seed.
+//! GC: the largest cluster of correspondences that agree in distance with a seed.
 //!
 //! The paper, section 3.2, Eq. (13) (after Chen, Bhanu, PRL 2007): for each seed, the correspondences whose
-//! distances to it differ by less than 3 pr between the two shapes. Cost O(n^2) time, O(n) memory; the clique variant
-//! takes n^2 / 8 bytes where that is allowed, and computes pairs again and again where it isn't.
+//! distances to it differ by less than 3 pr between the two shapes. Cost O(n^2) time, O(n) memory. The clique
+//! variant uses n^2 / 8 bytes if allowed, and otherwise recomputes pairs.
 
 use super::GroupingMethod;
 use crate::compatibility::agreement::DistanceAgreement;
@@ -16,19 +16,19 @@ use crate::selection::top_k::largest;
 use crate::{Correspondences, Execution, Grouping, Points, Result, memory};
 
 words! {
-    /// What a cluster is.
+    /// Definition of a cluster.
     pub enum Variant {
-        /// A seed and all that are consistent with it; the paper's.
+        /// A seed and all correspondences consistent with it, as in the paper.
         Star = Value::Word("star"),
-        /// A set grown greedily whose members are all consistent with each other, filtered by RANSAC; PCL's.
+        /// A greedily grown set of mutually consistent correspondences, filtered by RANSAC, as in PCL.
         Clique = Value::Word("clique"),
     }
 }
 
 words! {
-    /// Which of several largest star clusters is taken.
+    /// Choice among several largest star clusters.
     pub enum Ties {
-        /// That of the lowest index.
+        /// The one with the lowest index.
         Lowest = Value::Word("lowest"),
         /// The union of all.
         Union = Value::Word("union"),
@@ -38,18 +38,18 @@ words! {
 method! {
     /// Parameters of geometric consistency.
     pub struct GeometricConsistency = "gc", ["source", "target"], optional ["similarity", "resolution"], {
-        /// Two correspondences are consistent where `|ds - dt|` is below this length; default `3 * resolution`.
+        /// Two correspondences are consistent if `|ds - dt|` is below this length; default `3 * resolution`.
         pub tolerance: Option<f64> = None;
-        /// A seed and all that are consistent with it; or, as in PCL, a set grown greedily in the order of `similarity`
-        /// whose members are all consistent with each other, filtered by RANSAC.
+        /// A seed and all correspondences consistent with it; or, as in PCL, a set of mutually consistent
+        /// ones grown greedily in the order of `similarity`, filtered by RANSAC.
         pub variant: Variant = Variant::default();
-        /// Of several largest stars, take that of the lowest index, or all.
+        /// Of several largest stars, select the one of the lowest index, or the union of all.
         pub ties: Ties = Ties::default();
-        /// Clique variant: a cluster has more members.
+        /// Clique variant: a cluster has more members than this.
         pub min_cluster_size: usize = 3, at_least(0);
         /// Clique variant: samples of the RANSAC filter.
         pub iterations: usize = 10_000, ROUNDS;
-        /// Clique variant: key of the filter's random numbers.
+        /// Clique variant: seed of the filter's random numbers.
         pub seed: u64 = 0;
     }
 }
@@ -130,7 +130,7 @@ impl GeometricConsistency {
             }
             clusters += 1;
             clique.iter().for_each(|&i| taken[i] = true);
-            // A set no larger than the best one can't win after filtering.
+            // A set no larger than the best one cannot win after filtering.
             if clique.len() > largest.len() {
                 clique.sort_unstable();
                 let filtered = filter.consensus_among(&clique, source, target, execution)?;
@@ -146,7 +146,7 @@ impl GeometricConsistency {
     }
 }
 
-/// The seed to which each keeps its distance best, the lowest of equal ones; a seed itself.
+/// The seed with the smallest distance difference to each, the lowest of equal ones; a seed's own is itself.
 fn nearest_seeds(seeds: &[usize], source: &Points, target: &Points) -> Result<Vec<Option<usize>>> {
     let mut nearest = memory::filled((None, f64::INFINITY), source.len())?;
     for &seed in seeds {
@@ -167,7 +167,7 @@ fn cluster_sizes(agreement: &DistanceAgreement, execution: &Execution) -> Result
     Ok(sizes)
 }
 
-/// Best descriptors first; in the input's order where there are none.
+/// Best descriptors first; in the input's order without similarities.
 fn visiting_order(correspondences: &Correspondences) -> Result<Vec<usize>> {
     match correspondences.optional_similarity() {
         Some(similarity) => largest(similarity, similarity.len()),
@@ -175,11 +175,11 @@ fn visiting_order(correspondences: &Correspondences) -> Result<Vec<usize>> {
     }
 }
 
-/// Which pairs are consistent: `d(c_i, c_j)` is at most the tolerance.
+/// Consistency of pairs: `d(c_i, c_j)` is at most the tolerance.
 enum ConsistentPairs<'a> {
-    /// All of them, one bit each.
+    /// All pairs, one bit each.
     Kept(AgreementGraph),
-    /// Where these take too much memory.
+    /// Computed on demand, if the bits need too much memory.
     Computed { source: &'a Points, target: &'a Points, tolerance: f64 },
 }
 
@@ -188,13 +188,14 @@ impl<'a> ConsistentPairs<'a> {
         if source.len() > AgreementGraph::most_vertices(execution.max_memory) {
             return Ok(Self::Computed { source, target, tolerance });
         }
-        // At most the tolerance: less than the next number.
+        // At most the tolerance: less than the next greater number.
         let bound = tolerance.next_up();
         let graph = AgreementGraph::with_edges(source, target, bound, EdgeLengths::Any, execution)?;
         Ok(Self::Kept(graph))
     }
 
-    /// Adds, in visiting order, whatever is not taken and consistent with every member so far.
+    /// Adds, in visiting order, correspondences that are not taken and are consistent with every member so
+    /// far.
     fn grow_clique(&self, seed: usize, order: &[usize], taken: &[bool]) -> Result<Vec<usize>> {
         let mut clique = vec![seed];
         let free = order.iter().copied().filter(|&j| j != seed && !taken[j]);

@@ -1,4 +1,4 @@
-//! The grouping methods, one file each; the files know nothing of each other.
+//! The grouping methods, one file each, independent of each other.
 
 pub mod clipper;
 pub mod consistency_voting;
@@ -37,10 +37,10 @@ use turboreg::TurboReg;
 use crate::options::Described;
 use crate::{Correspondences, Execution, Grouping, Result};
 
-/// A method whose parameters are set.
+/// A method with its options.
 pub type BoxedMethod = Box<dyn GroupingMethod + Send + Sync>;
 
-/// Every method by its public name, with default parameters.
+/// Every method by its public name, with default options.
 pub fn methods() -> Vec<(&'static str, BoxedMethod)> {
     let methods: [BoxedMethod; _] = [
         Box::new(SimilarityScore::default()),
@@ -62,15 +62,15 @@ pub fn methods() -> Vec<(&'static str, BoxedMethod)> {
     methods.into_iter().map(|method| (method.name(), method)).collect()
 }
 
-/// A way to tell right correspondences from wrong ones.
+/// A method that separates correct correspondences from wrong ones.
 pub trait GroupingMethod: Described {
-    /// Selects the correspondences that this method holds to be right, by options that are in range.
+    /// Selects the correct correspondences, with options that are already checked.
     ///
     /// # Errors
-    /// A field the method needs that is missing, or an interruption.
+    /// A missing field that the method requires, or an interruption.
     fn run(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping>;
 
-    /// Selects the correspondences that this method holds to be right.
+    /// Checks the options, and selects the correct correspondences.
     ///
     /// # Errors
     /// Those of [`GroupingMethod::run`], and options out of range.
@@ -79,7 +79,8 @@ pub trait GroupingMethod: Described {
         self.run(correspondences, execution)
     }
 
-    /// Whether the group is found within a millisecond, so that handing it to another thread costs more than it saves.
+    /// Whether the group is found within a millisecond, so that handing it to another thread costs more than
+    /// it saves.
     fn is_instant(&self, _correspondences: &Correspondences) -> bool {
         false
     }

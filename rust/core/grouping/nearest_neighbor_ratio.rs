@@ -1,4 +1,4 @@
-//! NNSR: keep the correspondences whose nearest descriptor is clearly nearer than the second nearest.
+//! NNSR: selects the correspondences whose nearest descriptor is clearly nearer than the second nearest.
 //!
 //! The paper, section 3.1, Eq. (2) (after Lowe, IJCV 2004): the score `1 - d1/d2` measures distinctiveness;
 //! the bound 0.8 of the paper's Table 1 is Lowe's bound on the ratio itself. Cost O(n).
@@ -11,7 +11,7 @@ use crate::{Correspondences, Execution, Grouping, Result, memory};
 method! {
     /// Parameters of the nearest-neighbour similarity ratio.
     pub struct NearestNeighborRatio = "nnsr", ["ratio"], optional [], {
-        /// Greatest ratio that is accepted.
+        /// Greatest accepted ratio.
         pub max_ratio: f64 = 0.8, SHARE;
     }
 }

@@ -1,4 +1,4 @@
-//! RANSAC: the rigid transform of three random correspondences that the most others agree with.
+//! RANSAC: the rigid transform of three random correspondences with the most inliers.
 //!
 //! The paper, section 3.2 (after Fischler, Bolles, CACM 1981): 10,000 samples of three, a
 //! least-squares transform each, inliers nearer than 5 pr, no refit. Cost O(iterations n).
@@ -17,7 +17,7 @@ method! {
         pub tolerance: Option<f64> = None;
         /// Number of samples.
         pub iterations: usize = 10_000, ROUNDS;
-        /// Key of the random numbers, which depend on it and on the iteration alone.
+        /// Seed of the random numbers, which depend on it and on the iteration alone.
         pub seed: u64 = 0;
         /// Fit the transform to all inliers once and select again.
         pub refine: bool = false;
@@ -33,7 +33,7 @@ impl GroupingMethod for Ransac {
     fn run(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
         let (source, target) = correspondences.positions("ransac")?;
         let engine = self.engine(correspondences)?;
-        // Two that one pose fits keep their distance up to both residuals.
+        // Two inliers of one pose agree in distance up to the sum of their residuals.
         let rule = Rule::bounded(Kind::Residual, engine.tolerance)
             .agreeing(Agreement::difference(2.0 * engine.tolerance));
         let Some(best) = engine.run(source, target, execution)? else {
@@ -60,7 +60,7 @@ impl Ransac {
     }
 }
 
-/// The transform fitted to all inliers and what agrees with it; the model itself where they fix none.
+/// The transform fitted to all inliers and its inliers; the model itself if they do not determine one.
 fn refit(
     model: &Rigid,
     engine: &SampleConsensus,

@@ -1,4 +1,4 @@
-//! SI: voting by neighbours, then by the most distinctive correspondences under the candidate's own pose.
+//! SI: votes of neighbours, then of the most distinctive correspondences under the candidate's own pose.
 //!
 //! The paper, section 3.1, Eq. (3) to (6) (after Buch, Yang, Kruger, Petersen, CVPR 2014):
 //! `s_i = (|Y_L| + |Y_G|) / (|C_L| + |C_G|)`. Cost O(n log n + n neighbours).
@@ -17,11 +17,11 @@ use crate::selection::top_k::{largest, smallest};
 use crate::{Correspondences, Execution, Grouping, Points, Result, memory};
 
 words! {
-    /// Which correspondences vote on all others.
+    /// Selection of the correspondences that vote for all others.
     pub enum GlobalRank {
-        /// Those with the lowest nearest-neighbour ratio; the paper's.
+        /// The lowest nearest-neighbour ratios, as in the paper.
         Lowe = Value::Word("lowe"),
-        /// Those with the best local score, as in the original author's code.
+        /// The best local scores, as in the original author's code.
         LocalScore = Value::Word("local_score"),
     }
 }
@@ -36,19 +36,20 @@ method! {
         pub neighbors: usize = 250;
         /// Least rigidity `min(ds/dt, dt/ds)` of a vote (sigma).
         pub min_distance_ratio: f64 = 0.9, SHARE;
-        /// Local voters have a lower ratio.
+        /// Upper bound of the ratio of local voters.
         pub lowe_ratio: f64 = 0.8, SHARE;
         /// Global voters have the lowest ratios, or the best local scores as in the original author's code.
         pub global_rank: GlobalRank = GlobalRank::default();
-        /// Scores above it are selected.
+        /// Scores above this are selected.
         pub threshold: Threshold = Threshold::Otsu;
-        /// How Otsu's cut is found: on 100 equal bins between the least and the greatest score; between any two scores; as
-        /// in the code of SI's author, for scores from 0 to 1; or as in the evaluation group's later code.
+        /// Candidates of Otsu's threshold: 100 equal bins between the least and the greatest score; every gap
+        /// between scores; as in the code of SI's author, for scores from 0 to 1; or as in the evaluation
+        /// group's later code.
         pub otsu: OtsuMode = OtsuMode::default();
     }
 }
 
-/// Votes for a correspondence out of those cast.
+/// Votes for a correspondence, and votes cast.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 struct Votes {
     support: usize,
@@ -120,14 +121,14 @@ struct Ballot<'a> {
 impl Ballot<'_> {
     /// Distinctive correspondences among the nearest source keypoints vote by rigidity.
     fn local_votes(&self, distinctive: &[bool], execution: &Execution) -> Result<Vec<Votes>> {
-        // C_L: those of the nearest that are in C_Ratio.
+        // C_L: the nearest ones that are in C_Ratio.
         NearestSets::new(self.source, execution)?.map(self.neighbors, distinctive, execution, |i, members| {
             let support = count_rigid(&self.pairs, members, &self.pairs[i], &self.rigidity);
             Votes { support, cast: members.len() }
         })
     }
 
-    /// Global voters must agree with the pose of `i` as well; `i` has no vote of its own.
+    /// Global voters must also agree with the pose of `i`; `i` has no vote of its own.
     fn global_votes(&self, voters: &[usize], execution: &Execution) -> Result<Vec<Votes>> {
         execution.report(0, self.source.len())?;
         let mut cast = memory::filled(voters.len(), self.source.len())?;
@@ -139,7 +140,7 @@ impl Ballot<'_> {
             execution.advance()?;
             let frames = (self.source_frames.get(i), self.target_frames.get(i));
             let pose = pose_of(i, self.source, self.target, &frames.0, &frames.1); // T(c_i), Eq. (4)
-            // Its distances are 0, so `i` would never support itself.
+            // Its distances are 0, so `i` never supports itself.
             let support =
                 pose.map_or(0, |pose| voters.count_carried(&self.pairs[i], &self.rigidity, &pose, limit));
             Ok(Votes { support, cast: cast[i] })
@@ -167,8 +168,8 @@ mod tests {
 
     #[test]
     fn votes_by_hand() -> Result<()> {
-        // All are distinctive and neighbours: 4 local and 4 global votes are cast on each; a right one
-        // gets 3 + 3 of the other right ones, the wrong one none.
+        // All are distinctive and neighbours: 4 local and 4 global votes are cast for each. A correct one
+        // gets 3 + 3 from the other correct ones, the wrong one none.
         let group =
             SearchOfInliers::default().group(&problem([0.1, 0.2, 0.3, 0.4, 0.5])?, &Execution::default())?;
         assert_eq!(group.scores, Some(vec![0.75, 0.75, 0.75, 0.75, 0.0]));

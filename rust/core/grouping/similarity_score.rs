@@ -1,7 +1,7 @@
-//! SS: keep the correspondences whose descriptors are similar enough.
+//! SS: selects the correspondences with sufficiently similar descriptors.
 //!
 //! The paper, section 3.1, Eq. (1): `s_i = 1 - |f_i - f'_i|` on unit descriptors, selected above a threshold
-//! that Otsu's method sets. Cost O(n).
+//! by Otsu's method. Cost O(n).
 
 use super::GroupingMethod;
 use crate::options::{at_most, method};
@@ -12,10 +12,11 @@ use crate::{Correspondences, Execution, Grouping, Result, memory};
 method! {
     /// Parameters of the similarity score.
     pub struct SimilarityScore = "ss", ["similarity"], optional [], {
-        /// Least similarity that is accepted.
+        /// Least accepted similarity.
         pub threshold: Threshold = Threshold::Otsu;
-        /// How Otsu's cut is found: on equal bins between the least and the greatest score; between any two scores; as in
-        /// the code of SI's author, for scores from 0 to 1; or as in the evaluation group's later code.
+        /// Candidates of Otsu's threshold: equal bins between the least and the greatest score; every gap
+        /// between scores; as in the code of SI's author, for scores from 0 to 1; or as in the evaluation
+        /// group's later code.
         pub otsu: OtsuMode = OtsuMode::default();
         /// Bins of the "minmax" and "legacy" modes.
         pub bins: usize = DEFAULT_BINS, at_most(MAX_BINS);

@@ -1,8 +1,8 @@
 //! ST: the main cluster of the pairwise affinity matrix, by its principal eigenvector.
 //!
 //! The paper, section 3.2, Eq. (12) (after Leordeanu, Hebert, ICCV 2005). Correspondences are accepted in the
-//! order of their entries in the eigenvector; each accepted one removes those in conflict with it.
-//! Cost O(n^2) per power step and O(n selected) for the acceptance.
+//! order of their entries in the eigenvector; each accepted one excludes those in conflict with it. Cost
+//! O(n^2) per power step and O(n selected) for the acceptance.
 
 use super::GroupingMethod;
 use crate::compatibility::matrix::{PairMatrix, PairPositions, PairScore};
@@ -13,13 +13,14 @@ use crate::selection::eigenvector::{Eigenpair, Eigensolver, principal_eigenvecto
 use crate::selection::top_k::largest;
 use crate::{Correspondences, Error, Execution, Grouping, Points, Result, memory};
 
-/// Entries no greater than this share of the largest one carry no support.
+/// Entries up to this share of the largest one have no support.
 const NO_SUPPORT: f64 = 1e-12;
 
-/// Entries are compared in units of this share of the largest one: an iterated eigenvector has no more digits.
+/// Entries are compared in units of this share of the largest one: an iterated eigenvector has no more
+/// digits.
 const TIE: f64 = 1e-9;
 
-/// Sums of greater affinities are infinite.
+/// Upper bound of affinities; sums of greater ones may be infinite.
 const MOST_AFFINITY: f64 = 1e300;
 
 words! {
@@ -27,9 +28,9 @@ words! {
     pub enum Affinity {
         /// The distance ratio.
         Raw = Value::Word("raw"),
-        /// The distance ratio where it reaches `min_distance_ratio`, else 0.
+        /// The distance ratio if it is at least `min_distance_ratio`, else 0.
         Threshold = Value::Word("threshold"),
-        /// 1 where the distance ratio reaches `min_distance_ratio`, else 0.
+        /// 1 if the distance ratio is at least `min_distance_ratio`, else 0.
         Binary = Value::Word("binary"),
     }
 }
@@ -47,7 +48,7 @@ words! {
 }
 
 words! {
-    /// When an accepted correspondence removes another one.
+    /// Condition under which an accepted correspondence excludes another one.
     pub enum Conflict {
         /// Their distance ratio is below `min_distance_ratio`.
         Rigidity = Value::Word("rigidity"),
@@ -63,14 +64,15 @@ method! {
     pub struct Spectral = "st", ["source", "target"], optional ["similarity"], {
         /// Correspondences with a lower `min(ds/dt, dt/ds)` conflict with each other.
         pub min_distance_ratio: f64 = 0.6, SHARE;
-        /// That ratio; the ratio where it reaches `min_distance_ratio`, else 0; or 1 there.
+        /// That ratio; the ratio if it is at least `min_distance_ratio`, else 0; or 1 instead of the ratio.
         pub affinity: Affinity = Affinity::default();
         /// Affinity of a correspondence with itself; "score" is `similarity`.
         pub diagonal: Diagonal = Diagonal::default();
-        /// An accepted correspondence removes those below `min_distance_ratio`, those that share a point with it, or both.
+        /// An accepted correspondence excludes those below `min_distance_ratio`, those that share a point
+        /// with it, or both.
         pub conflict: Conflict = Conflict::default();
-        /// Power iteration; or, as a reference, Lanczos's method on a matrix of float64 (at most `16 n^2` bytes), accurate
-        /// to the last digits.
+        /// Power iteration; or, as a reference, Lanczos's method on a matrix of float64 (at most `16 n^2`
+        /// bytes), accurate to full precision.
         pub eigensolver: Eigensolver = Eigensolver::default();
         /// Recompute the eigenvector of the remaining correspondences after each acceptance.
         pub recompute: bool = false;
@@ -121,7 +123,7 @@ impl Spectral {
         })
     }
 
-    /// One acceptance per eigenvector of what is left.
+    /// Accepts one correspondence per eigenvector of the remaining ones.
     fn accept_recomputing(
         &self,
         affinity: &PairMatrix,
@@ -134,7 +136,7 @@ impl Spectral {
         while !alive.is_empty() {
             let remaining = affinity.subset(&alive, execution)?;
             let eigenpair = principal_eigenvector(&remaining, self.eigensolver, execution)?;
-            // Without any affinity left the vector is uniform, and the lowest index is next.
+            // Without any affinity the vector is uniform, and the lowest index is next.
             let chosen = alive[by_support(&eigenpair.vector, 1)?[0]];
             accepted.accept(chosen, conflicts.with(chosen)?);
             alive.retain(|&i| accepted.leaves_open(i));
@@ -169,7 +171,7 @@ fn by_support(v: &[f64], k: usize) -> Result<Vec<usize>> {
     largest(&rounded, k)
 }
 
-/// Accepts the strongest entry of `v` that is left, until none is.
+/// Accepts the strongest remaining entry of `v` until none is left.
 fn accept_greedily(
     v: &[f64],
     conflicts: &Conflicts,
@@ -191,12 +193,12 @@ fn accept_greedily(
     Ok(())
 }
 
-/// The accepted correspondences, and what they exclude.
+/// The accepted correspondences, and those that they exclude.
 struct Accepted {
     mask: Vec<bool>,
-    /// The first accepted one that each conflicts with.
+    /// The first accepted correspondence in conflict with each.
     excluded_by: Vec<Option<usize>>,
-    /// How many accepted ones each conflicts with.
+    /// Number of accepted correspondences in conflict with each.
     conflicts: Vec<usize>,
 }
 
@@ -219,13 +221,13 @@ impl Accepted {
         }
     }
 
-    /// Whether it is neither accepted nor excluded.
+    /// Whether a correspondence is neither accepted nor excluded.
     fn leaves_open(&self, i: usize) -> bool {
         !self.mask[i] && self.excluded_by[i].is_none()
     }
 }
 
-/// Which correspondences exclude a given one.
+/// Test of the correspondences that exclude a given one.
 struct Conflicts {
     positions: PairPositions<f64>,
     rule: Conflict,

@@ -3,19 +3,20 @@
 //! Yan, Shi, Zhao, Wang, Cao, Wu, Li, *`TurboReg`: `TurboClique` for Robust and Efficient Point Cloud Registration*, ICCV 2025,
 //! section 3:
 //!
-//! 1. Compatibility: `|ds - dt| < D`, a bound far below the tolerance, and `ds + dt > r`: short edges fix no rotation.
-//! 2. Second order: a compatible pair weighs as much as it has common neighbours. Pairs are ordered, i < j, so that a
-//!    triangle has one pair of lowest indices and is found once.
-//! 3. Pivots: the heaviest pairs, 2,000 of them.
-//! 4. Triangles: of a pivot (i, j) and those k > j that are compatible with both, the two with the greatest sum of the three
-//!    weights.
+//! 1. Compatibility: `|ds - dt| < D`, a bound far below the tolerance, and `ds + dt > r`: short edges do not
+//!    constrain the rotation.
+//! 2. Second order: the weight of a compatible pair is its number of common neighbours. Pairs are ordered, i
+//!    < j, so that a triangle has one pair of lowest indices and is found once.
+//! 3. Pivots: the 2,000 heaviest pairs.
+//! 4. Triangles: for a pivot (i, j), among the k > j that are compatible with both, the two with the greatest
+//!    sum of the three weights.
 //! 5. The least-squares motion of each triangle; the best by inliers, or by their residuals.
-//! 6. The last refinement of SC2-PCR; the group are the inliers.
+//! 6. The final refinement of SC2-PCR; the group is the inliers.
 //!
-//! A pivot without any such k has no triangle; the published code takes some other index there.
+//! A pivot without any such k has no triangle; the published code uses an arbitrary index there.
 //!
-//! Cost O(n^2) tests of pairs and O(n^2) words of 64 pairs for the share of the pairs that are compatible; memory n^2 / 8
-//! bytes. Where that is too much, only those that are compatible with the most others are looked at.
+//! Cost O(n^2) tests of pairs and O(n^2) words of 64 pairs for the share of compatible pairs; memory n^2 / 8
+//! bytes. If that is too much, only the correspondences compatible with the most others are used.
 
 use std::cmp::Reverse;
 
@@ -30,7 +31,7 @@ use crate::options::method;
 use crate::rule::{Agreement, Kind, Rule};
 use crate::{Correspondences, Execution, Grouping, Points, Result, memory};
 
-/// Shares of the tolerance that the published constants have.
+/// The published constants relative to the tolerance.
 const DISTANCE_DIFFERENCE: f64 = 0.12;
 const NMS_RADIUS: f64 = 1.5;
 
@@ -40,21 +41,21 @@ method! {
         /// Residuals of inliers are below this length; default `5 * resolution`. Published: 0.1 m in rooms downsampled to 5
         /// cm (preset "3dmatch"), 0.6 m on streets (preset "kitti").
         pub tolerance: Option<f64> = None;
-        /// Bound on `|ds - dt|` of two that are compatible, a length; default `0.12 * tolerance`.
+        /// Bound on `|ds - dt|` of compatible correspondences, a length; default `0.12 * tolerance`.
         pub max_distance_difference: Option<f64> = None;
-        /// Least `ds + dt` of two that are compatible, a length; default `1.5 * tolerance`.
+        /// Least `ds + dt` of compatible correspondences, a length; default `1.5 * tolerance`.
         pub nms_radius: Option<f64> = None;
-        /// Number of pairs around which triangles are sought, the heaviest (K1).
+        /// Number of heaviest pairs around which triangles are searched (K1).
         pub pivots: usize = 2_000;
         /// Triangles per pivot (K2).
         pub cliques_per_pivot: usize = 2;
-        /// Score of a pose, with r a residual below the tolerance t: the number of them, the sum of `1 - r / t`, or the sum
-        /// of `(1 - r / t)^2`.
+        /// Score of a pose, with r a residual below the tolerance t: their number, the sum of `1 - r / t`, or
+        /// the sum of `(1 - r / t)^2`.
         pub choice: Choice = Choice::default();
     }
 }
 
-/// The same with all lengths known.
+/// The parameters with all lengths known.
 struct Lengths {
     tolerance: f64,
     max_distance_difference: f64,
@@ -100,7 +101,8 @@ impl TurboReg {
         })
     }
 
-    /// The motions of the triangles, between the centred points: first each pivot's best, then each one's second, ...
+    /// The motions of the triangles, between the centred points: first each pivot's best, then each one's
+    /// second, ...
     fn hypotheses(
         &self,
         source: &Points,
@@ -126,7 +128,7 @@ impl TurboReg {
     }
 }
 
-/// Those whose graph fits into memory, ascending; `None` where all do.
+/// The most compatible correspondences whose graph fits into memory, ascending; `None` if all do.
 fn most_compatible(
     source: &Points,
     target: &Points,
@@ -153,7 +155,7 @@ fn best_thirds(graph: &AgreementGraph, pivot: &Edge, most: usize) -> Result<Vec<
     memory::collect(ranked.into_iter().take(most).map(|(_, k)| k))
 }
 
-/// `None` where the points lie on a line.
+/// The motion of a triangle; `None` if its points are collinear.
 fn pose_of(triangle: [usize; 3], source: &Points, target: &Points) -> Option<Rigid> {
     let (p, q) = (triangle.map(|i| source.get(i)), triangle.map(|i| target.get(i)));
     fixes_rotation(&p, &q).then(|| fit_triangle(&p, &q))

@@ -12,13 +12,13 @@ use crate::points::Points;
 use crate::simd::arithmetic::exp_of_negative;
 use crate::simd::{self, Kernel, Lanes};
 
-/// Correspondences in a word.
+/// Correspondences per word.
 const WORD: usize = u64::BITS as usize;
 
-/// Sums that go side by side.
+/// Number of partial sums computed in parallel.
 const SUMS: usize = 4;
 
-/// M and C of the pairs that a graph joins; both have 1 on the diagonal.
+/// M and C of the pairs connected by a graph; both have 1 on the diagonal.
 #[derive(Debug)]
 pub struct Affinity<'a> {
     graph: &'a AgreementGraph,
@@ -28,11 +28,11 @@ pub struct Affinity<'a> {
 /// The entries of M.
 #[derive(Debug)]
 enum Weights<'a> {
-    /// 1 throughout.
+    /// All entries are 1.
     Binary,
-    /// Row after row, in the order of the bits; row i starts at `starts[i]`.
+    /// Entries by rows, in the order of the bits; row i starts at `starts[i]`.
     Kept { starts: Vec<usize>, entries: Vec<f32> },
-    /// The same, computed anew for each product.
+    /// Entries computed for each product.
     Computed(Gauss<'a>),
 }
 
@@ -44,16 +44,17 @@ struct Gauss<'a> {
     factor: f64,
 }
 
-/// Of a row i: `(M u)_i`, and how much of u it excludes, `((1 1' - C) u)_i`.
+/// Terms of row i: `(M u)_i`, and the part of u that it excludes, `((1 1' - C) u)_i`.
 pub type Terms = [f64; 2];
 
 impl<'a> Affinity<'a> {
-    /// M is C.
+    /// Affinity with M = C.
     pub fn binary(graph: &'a AgreementGraph) -> Self {
         Self { graph, weights: Weights::Binary }
     }
 
-    /// M is a Gaussian of the distance difference; kept where it fits `execution.max_memory` beside the graph.
+    /// Affinity with M a Gaussian of the distance difference; stored if it fits `execution.max_memory` beside
+    /// the graph.
     ///
     /// # Errors
     /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
@@ -90,7 +91,7 @@ impl<'a> Affinity<'a> {
         Ok(Self { graph, weights: Weights::Kept { starts, entries } })
     }
 
-    /// What the graph and the entries take.
+    /// Memory of the graph and the entries.
     pub fn bytes(&self) -> usize {
         let entries = match &self.weights {
             Weights::Kept { entries, .. } => size_of_val(entries.as_slice()),
@@ -99,7 +100,7 @@ impl<'a> Affinity<'a> {
         self.graph.bytes() + entries
     }
 
-    /// Gives the neighbours of a row, ascending, and their entries of M.
+    /// Calls `give` with the neighbours of a row, ascending, and their entries of M.
     ///
     /// # Errors
     /// [`crate::Error::OutOfMemory`].
@@ -119,7 +120,7 @@ impl<'a> Affinity<'a> {
         Ok(())
     }
 
-    /// The terms of some rows of a vector that is nowhere negative.
+    /// The terms of some rows of a non-negative vector.
     ///
     /// # Errors
     /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
@@ -152,7 +153,7 @@ impl<'a> Affinity<'a> {
     }
 }
 
-/// Weighted and plain sum of the entries that a row has bits for.
+/// Weighted and plain sum of the entries whose bits are set in a row.
 fn sums(row: &[u64], weights: &[f32], support: &[u64], blocks: &[[f64; WORD]]) -> [f64; 2] {
     simd::run(
         #[inline(always)]
@@ -191,7 +192,7 @@ fn sums(row: &[u64], weights: &[f32], support: &[u64], blocks: &[[f64; WORD]]) -
     )
 }
 
-/// Sum of the entries that a row has bits for.
+/// Sum of the entries whose bits are set in a row.
 #[inline(always)]
 fn plain_sum(row: &[u64], support: &[u64], blocks: &[[f64; WORD]]) -> f64 {
     let mut parts = [0.0; SUMS];
@@ -207,7 +208,7 @@ fn plain_sum(row: &[u64], support: &[u64], blocks: &[[f64; WORD]]) -> f64 {
     (parts[0] + parts[1]) + (parts[2] + parts[3])
 }
 
-/// What the weights of a row are computed in: squared lengths on both sides.
+/// Working space for the weights of a row: squared lengths on both sides.
 #[derive(Debug, Default)]
 pub struct Scratch {
     squares: [Vec<f64>; 2],
@@ -215,7 +216,7 @@ pub struct Scratch {
 }
 
 impl Gauss<'_> {
-    /// The weights of the neighbours of a row; rounded, so that one that is kept takes half as much.
+    /// Computes the weights of a row's neighbours, rounded to f32, so that stored ones take half the memory.
     fn fill(&self, i: usize, row: &[u64], scratch: &mut Scratch) -> Result<()> {
         let degree = row.iter().map(|word| word.count_ones() as usize).sum();
         let [source, target] = &mut scratch.squares;

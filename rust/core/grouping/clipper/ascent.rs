@@ -1,4 +1,4 @@
-//! Projected gradient ascent with a penalty that grows (CLIPPER, Algorithm 1).
+//! Projected gradient ascent with a growing penalty (CLIPPER, Algorithm 1).
 
 use super::affinity::{Affinity, Terms};
 use super::dense::Dense;
@@ -6,36 +6,38 @@ use crate::error::Result;
 use crate::execution::Execution;
 use crate::memory;
 
-/// What counts as 0 in u and in what it excludes, and the greatest fall of the objective that a step may bring.
+/// Tolerance for zero in u and in the sums that it excludes, and the greatest decrease of the objective
+/// allowed per step.
 const ZERO: f64 = 1e-9;
 
-/// Steps at one penalty end where u changes by less, or the objective by less of itself, or after so many.
+/// Steps at one penalty end if the change of u, or the relative change of the objective, is smaller, or at
+/// the maximum number.
 const SETTLED_U: f64 = 1e-8;
 const SETTLED_OBJECTIVE: f64 = 1e-9;
 const MOST_STEPS: usize = 200;
 
-/// Penalties, and step sizes tried per step, each of them this factor of the one before.
+/// Most penalties, and most step sizes tried per step, each of them this factor of the previous one.
 const MOST_ROUNDS: usize = 1000;
 const MOST_TRIALS: usize = 99;
 const BACKTRACK: f64 = 0.25;
 
-/// A greater penalty leaves no digits of the objective: what it does not part, none does.
+/// A greater penalty leaves no digits of the objective: it cannot separate what smaller ones do not.
 const MOST_PENALTY: f64 = 1e9;
 
-/// Where an ascent ended.
+/// Result of an ascent.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ascent {
-    /// Of length 1, nowhere negative.
+    /// Unit vector without negative entries.
     pub u: Vec<f64>,
     /// `u' (M - d Z) u`.
     pub objective: f64,
-    /// How many penalties it took.
+    /// Number of penalties used.
     pub rounds: usize,
-    /// Whether no two that exclude each other are left.
+    /// Whether no two remaining correspondences exclude each other.
     pub complete: bool,
 }
 
-/// Ascends from a vector that is nowhere negative and not 0.
+/// Ascends from a non-negative vector other than 0.
 ///
 /// # Errors
 /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
@@ -54,7 +56,7 @@ pub fn ascend(affinity: &Affinity, start: Vec<f64>, execution: &Execution) -> Re
     Ok(Ascent { u: place.u, objective, rounds, complete: false })
 }
 
-/// A vector of length 1, and the terms of the rows in which it is not 0.
+/// A unit vector, and the terms of its nonzero rows.
 struct Trial {
     u: Vec<f64>,
     support: Vec<usize>,
@@ -62,27 +64,27 @@ struct Trial {
 }
 
 impl Trial {
-    /// `u' (M - d Z) u`, to which the other rows add nothing.
+    /// `u' (M - d Z) u`; the other rows add nothing.
     fn objective(&self, penalty: f64) -> f64 {
         let rows = self.support.iter().zip(&self.terms);
         rows.map(|(&i, [affinity, conflict])| self.u[i] * (affinity - penalty * conflict)).sum()
     }
 }
 
-/// A vector of length 1, and the terms of all rows in which it is or may become greater than 0.
+/// A unit vector, and the terms of all rows whose entry is or may become greater than 0.
 struct Place<'a> {
     affinity: &'a Affinity<'a>,
     execution: &'a Execution,
-    /// M among the rows that matter, once these are few.
+    /// M of the active rows, once these are few.
     dense: Option<Dense>,
     u: Vec<f64>,
-    /// By row, as they were when `moves` stood at `computed_at`.
+    /// By row, computed when `moves` was `computed_at`.
     terms: Vec<Terms>,
     computed_at: Vec<Moves>,
     moves: Moves,
 }
 
-/// By how much entries have risen, and by how much others have fallen, over all steps.
+/// Total increase of rising entries, and total decrease of falling ones, over all steps.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 struct Moves {
     up: f64,
@@ -101,7 +103,7 @@ impl<'a> Place<'a> {
         Ok(place)
     }
 
-    /// The vector at length 1.
+    /// Trial of the vector scaled to unit length.
     fn trial(&self, mut u: Vec<f64>) -> Result<Trial> {
         let length = u.iter().map(|entry| entry * entry).sum::<f64>().sqrt();
         if length > 0.0 {
@@ -112,7 +114,7 @@ impl<'a> Place<'a> {
         Ok(Trial { u, support, terms })
     }
 
-    /// The terms of some rows of a vector that is 0 wherever `u` is 0 and can't rise.
+    /// The terms of some rows of a vector that is 0 in all rows that are 0 in `u` and cannot rise.
     fn products(&self, u: &[f64], rows: &[usize]) -> Result<Vec<Terms>> {
         match &self.dense {
             Some(dense) if rows.iter().all(|&row| dense.has(row)) => dense.terms(u, rows, self.execution),
@@ -130,7 +132,7 @@ impl<'a> Place<'a> {
         Ok(())
     }
 
-    /// The mean of `(M u)_i / (Z u)_i` where both `u_i` and `(Z u)_i` are above 0; nothing where that is nowhere.
+    /// The mean of `(M u)_i / (Z u)_i` over rows with `u_i` and `(Z u)_i` above 0; `None` if there are none.
     fn penalty(&self) -> Option<f64> {
         let rows = self.u.iter().zip(&self.terms);
         let active = rows.filter(|&(&u, &[_, conflict])| u > ZERO && conflict > ZERO);
@@ -146,7 +148,7 @@ impl<'a> Place<'a> {
         memory::collect(rows.map(|row| moved(row).max(0.0)))
     }
 
-    /// Steps uphill at one penalty; returns the objective.
+    /// Ascends at one penalty; returns the objective.
     fn climb(&mut self, penalty: f64) -> Result<f64> {
         self.update(penalty)?;
         let rows = self.u.iter().zip(&self.terms);
@@ -172,7 +174,7 @@ impl<'a> Place<'a> {
         Ok(objective)
     }
 
-    /// Takes a trial; returns by how much u changes.
+    /// Accepts a trial; returns the change of u.
     fn step_to(&mut self, trial: Trial, penalty: f64) -> Result<f64> {
         let mut square = 0.0;
         for (new, old) in trial.u.iter().zip(&self.u) {
@@ -190,15 +192,15 @@ impl<'a> Place<'a> {
         Ok(square.sqrt())
     }
 
-    /// Computes the terms of the rows that are 0 and may rise: the others stay 0 whatever their terms are.
+    /// Computes the terms of zero rows that may rise: the others stay 0 for any terms.
     fn update(&mut self, penalty: f64) -> Result<()> {
         let rows = memory::collect((0..self.u.len()).filter(|&i| self.may_rise(i, penalty)))?;
         self.compute(&rows)?;
         self.condense(penalty)
     }
 
-    /// Whether a row that is 0, and whose terms are of an earlier u, may have a gradient above 0: `(M u)_i` has grown by no
-    /// more than the entries that rose did, and `(Z u)_i` has lost no more than the others did.
+    /// Whether a zero row with terms of an earlier u may have a positive gradient: `(M u)_i` has grown by at
+    /// most the total increase of entries, and `(Z u)_i` has fallen by at most the total decrease.
     fn may_rise(&self, i: usize, penalty: f64) -> bool {
         let ([affinity, conflict], then) = (self.terms[i], self.computed_at[i]);
         let most = affinity + (self.moves.up - then.up);
@@ -206,7 +208,7 @@ impl<'a> Place<'a> {
         self.u[i] <= 0.0 && then != self.moves && most + ZERO > penalty * (least - ZERO)
     }
 
-    /// Keeps M among the rows that are or may become greater than 0, once they are much fewer than before.
+    /// Stores M of the rows that are or may become greater than 0, once they are much fewer than before.
     fn condense(&mut self, penalty: f64) -> Result<()> {
         let rises = |i: usize| self.terms[i][0] - penalty * self.terms[i][1] > 0.0;
         let rows = memory::collect((0..self.u.len()).filter(|&i| self.u[i] > 0.0 || rises(i)))?;

@@ -1,4 +1,4 @@
-//! The affinity matrix M among some rows, stored densely: faster than looking up bits where many agree.
+//! The affinity matrix M of some rows, stored densely: faster than bit lookups if many pairs agree.
 
 use rayon::prelude::*;
 
@@ -8,27 +8,27 @@ use crate::execution::Execution;
 use crate::memory;
 use crate::simd;
 
-/// Sums that go side by side, and what the width of a row is a multiple of.
+/// Number of partial sums computed in parallel; the width of a row is a multiple of it.
 const SUMS: usize = 16;
 
-/// Bytes that the entries may take.
+/// Most bytes of the entries.
 const MOST_BYTES: usize = 32 << 20;
 
-/// Where a row of M has no place here.
+/// Marks rows of M that are not stored.
 const NOWHERE: u32 = u32::MAX;
 
 /// The entries of M among some rows; 0 on the diagonal.
 #[derive(Debug)]
 pub struct Dense {
     rows: Vec<usize>,
-    /// By row of M.
+    /// Stored index of each row of M.
     places: Vec<u32>,
     width: usize,
     entries: Vec<f32>,
 }
 
 impl Dense {
-    /// Of some rows, ascending; nothing where that takes too much memory.
+    /// Stores some rows, ascending; `None` if they need too much memory.
     ///
     /// # Errors
     /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
@@ -62,7 +62,7 @@ impl Dense {
         Ok(Some(Self { rows, places, width, entries }))
     }
 
-    /// Of some of the rows here, ascending.
+    /// Restricts the matrix to some of its rows, ascending.
     ///
     /// # Errors
     /// [`crate::Error::OutOfMemory`].
@@ -81,17 +81,17 @@ impl Dense {
         Ok(Self { rows, places, width, entries })
     }
 
-    /// How many rows there are.
+    /// Number of rows.
     pub fn len(&self) -> usize {
         self.rows.len()
     }
 
-    /// Whether a row of M is here.
+    /// Whether a row of M is stored.
     pub fn has(&self, row: usize) -> bool {
         self.places[row] != NOWHERE
     }
 
-    /// The terms of some rows that are here, of a vector that is nowhere negative and 0 in all rows that are not.
+    /// The terms of some stored rows of a non-negative vector that is 0 in all other rows.
     ///
     /// # Errors
     /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
@@ -110,7 +110,7 @@ impl Dense {
     }
 }
 
-/// Sum of the values by weight, and of those that have a weight.
+/// Weighted sum of the values, and sum of those with a nonzero weight.
 fn sums(weights: &[f32], values: &[f64]) -> [f64; 2] {
     let [weighted, plain] = simd::run(
         #[inline(always)]

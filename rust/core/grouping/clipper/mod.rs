@@ -1,18 +1,20 @@
-//! CLIPPER: the densest set of correspondences that all agree with each other, by projected gradient ascent.
+//! CLIPPER: the densest set of mutually agreeing correspondences, by projected gradient ascent.
 //!
-//! Lusk, Fathian, How, *CLIPPER: A graph-theoretic framework for robust data association*, ICRA 2021; with a certificate
-//! after Fathian, Summers, *CLIPPER+*, RA-L 2024. With `delta = |ds - dt|`:
+//! Lusk, Fathian, How, *CLIPPER: A graph-theoretic framework for robust data association*, ICRA 2021; with a
+//! certificate after Fathian, Summers, *CLIPPER+*, RA-L 2024. With `delta = |ds - dt|`:
 //!
-//! 1. Affinity `M_ij = exp(-delta^2 / (2 sigma^2))` where `delta < epsilon` and both lengths exceed a least one, and where that
-//!    is above 1e-4; else 0. `M_ii = 1`. Two with `M_ij = 0` exclude each other.
-//! 2. u is to make `u' M u` greatest with `u >= 0`, `|u| = 1`, and `u_i u_j = 0` for two that exclude each other: ascent on `u' (M - d Z) u`,
-//!    Z marking those that do, with a penalty d that grows until none of them is left.
+//! 1. Affinity `M_ij = exp(-delta^2 / (2 sigma^2))` if `delta < epsilon`, both lengths exceed a minimum, and
+//!    the value is above 1e-4; else 0. `M_ii = 1`. Two correspondences with `M_ij = 0` exclude each other.
+//! 2. Maximize `u' M u` with `u >= 0`, `|u| = 1`, and `u_i u_j = 0` for two that exclude each other: ascent
+//!    on `u' (M - d Z) u`, Z the indicator of exclusion, with a penalty d that grows until none of them
+//!    remain.
 //! 3. The group: the `round(u' M u)` correspondences of the greatest `u_i`.
-//! 4. The certificate: the group is a clique, and as large as the greatest core number plus one or as the number of colours,
-//!    so that no clique is larger.
+//! 4. The certificate: the group is a clique, and its size equals the greatest core number plus one or the
+//!    number of colours, so no clique is larger.
 //!
-//! CLIPPER+ seeks the largest clique: M is 1 wherever it is not 0; a greedy clique comes first, and the ascent goes over
-//! what may be in a larger one. Cost O(n^2) tests of pairs, and O(pairs that agree) a step.
+//! CLIPPER+ maximizes the size of the clique: M is 1 wherever it is not 0; a greedy clique is computed first,
+//! and the ascent is restricted to vertices that may be in a larger one. Cost O(n^2) tests of pairs, and
+//! O(agreeing pairs) per step.
 
 mod affinity;
 mod ascent;
@@ -34,17 +36,17 @@ use crate::{Correspondences, Execution, Grouping, Points, memory};
 use affinity::Affinity;
 use ascent::{Ascent, ascend};
 
-/// Affinities up to this one count as none.
+/// Affinities up to this count as none.
 const LEAST_AFFINITY: f64 = 1e-4;
 
-/// Greatest random part of a start that is 1 else.
+/// Greatest random part of an initial vector of ones.
 const CHANCE: f64 = 0.01;
 
-/// A length that may be 0.
+/// A length of at least 0.
 const NOT_NEGATIVE: options::Kind = number(0.0, f64::MAX, "give a finite length of at least 0");
 
 words! {
-    /// What is sought.
+    /// Objective of the search.
     pub enum Variant {
         /// The set with the greatest sum of affinities per member (CLIPPER).
         Densest = Value::Word("densest"),
@@ -56,16 +58,17 @@ words! {
 method! {
     /// Parameters of CLIPPER.
     pub struct Clipper = "clipper", ["source", "target"], optional ["resolution"], {
-        /// Bound on `|ds - dt|` of two that agree (epsilon), a length; default `5 * resolution`.
+        /// Bound on `|ds - dt|` of agreeing correspondences (epsilon), a length; default `5 * resolution`.
         pub max_distance_difference: Option<f64> = None;
         /// Standard deviation of `ds - dt` (sigma), a length; default `max_distance_difference / 3`.
         pub deviation: Option<f64> = None;
-        /// Two that are no farther apart than this length on either side exclude each other.
+        /// Correspondences at most this length apart on either side exclude each other.
         pub min_distance: f64 = 0.0, NOT_NEGATIVE;
-        /// Seek the set with the greatest sum of affinities per member (CLIPPER), or the one with the most members
-        /// (CLIPPER+: all affinities are 1, and a greedy clique comes first).
+        /// Find the set with the greatest sum of affinities per member (CLIPPER), or the one with the most
+        /// members (CLIPPER+: all affinities are 1, and a greedy clique is computed first).
         pub variant: Variant = Variant::default();
-        /// Key of the random numbers at which the ascent starts; a number depends on it and on its row alone.
+        /// Seed of the random numbers at which the ascent starts; each number depends on the seed and its row
+        /// alone.
         pub seed: u64 = 0;
     }
 }
@@ -75,7 +78,7 @@ impl GroupingMethod for Clipper {
         let (source, target) = correspondences.positions("clipper")?;
         let bound = correspondences.length("max_distance_difference", self.max_distance_difference, 5.0)?;
         let deviation = positive("deviation", self.deviation.unwrap_or(bound / 3.0))?;
-        // Where the affinity falls to the least one.
+        // Distance difference at which the affinity falls to the least one.
         let reach = bound.min(deviation * (-2.0 * LEAST_AFFINITY.ln()).sqrt());
         let graph = AgreementGraph::new(source, target, reach, self.min_distance, execution)?;
         let cores = Cores::of(&graph, execution)?;
@@ -89,7 +92,7 @@ impl GroupingMethod for Clipper {
     }
 }
 
-/// What a search has found.
+/// Result of a search.
 struct Found {
     members: Vec<usize>,
     scores: Vec<f64>,
@@ -109,7 +112,7 @@ fn densest(
 ) -> Result<Found> {
     let affinity = Affinity::weighted(graph, source, target, deviation, execution)?;
     let start = memory::collect((0..graph.len()).map(|i| random(seed, i)))?;
-    // One power step, after which one random start is much like another.
+    // After one power step random starts hardly differ.
     let all = memory::collect(0..graph.len())?;
     let start = memory::collect(affinity.terms(&start, &all, execution)?.iter().map(|terms| terms[0]))?;
     let Ascent { u, objective, rounds, complete } = ascend(&affinity, start, execution)?;
@@ -117,12 +120,12 @@ fn densest(
     Ok(Found { members, scores: u, objective, rounds, complete })
 }
 
-/// In 0..1, by row.
+/// Pseudo-random number in 0..1 for a row.
 fn random(seed: u64, i: usize) -> f64 {
     (random_words(seed, i as u64)[0] >> 11) as f64 / (1_u64 << 53) as f64
 }
 
-/// The largest clique: the greedy one, or that of the ascent over what may be in a larger one.
+/// The largest clique: the greedy one, or that of the ascent over vertices that may be in a larger one.
 fn maximum(graph: &AgreementGraph, cores: &Cores, seed: u64, execution: &Execution) -> Result<Found> {
     let greedy = greedy_clique(graph, &cores.from_last(0)?)?;
     let kept = cores.from_last(greedy.len() as u32)?;
@@ -131,7 +134,8 @@ fn maximum(graph: &AgreementGraph, cores: &Cores, seed: u64, execution: &Executi
         return Ok(found);
     }
     let inner = graph.induced(&kept, execution)?;
-    // Away from the greedy clique; with a little of chance, or two that exclude each other and are alike stay so.
+    // Starts away from the greedy clique; a random part breaks the tie of equivalent correspondences that
+    // exclude each other.
     let entry = |(k, i): (usize, &u32)| f64::from(!greedy.contains(i)) + CHANCE * random(seed, k);
     let start = memory::collect((0..).zip(&kept).map(entry))?;
     let Ascent { u, objective, rounds, complete } = ascend(&Affinity::binary(&inner), start, execution)?;
@@ -142,7 +146,7 @@ fn maximum(graph: &AgreementGraph, cores: &Cores, seed: u64, execution: &Executi
     Ok(Found { rounds, complete, ..found })
 }
 
-/// A clique, whose members share u.
+/// A clique, with equal entries of u for its members.
 fn of_clique(n: usize, members: Vec<usize>) -> Result<Found> {
     let share = 1.0 / (members.len().max(1) as f64).sqrt();
     let mut scores = memory::filled(0.0, n)?;
@@ -155,7 +159,7 @@ fn is_clique(members: &[usize], graph: &AgreementGraph) -> bool {
     (0..members.len()).all(joined_before)
 }
 
-/// Whether the members are a clique that is shown to be as large as any (CLIPPER+, section IV).
+/// Whether the members are a clique that is certified to be a largest one (CLIPPER+, section IV).
 fn is_largest(
     members: &[usize],
     graph: &AgreementGraph,
@@ -168,7 +172,7 @@ fn is_largest(
     if members.len() == cores.greatest() as usize + 1 {
         return Ok(true);
     }
-    // A larger clique is among these.
+    // Any larger clique is among these.
     let kept = graph.induced(&cores.from_last(members.len() as u32)?, execution)?;
     Ok(count_colors(&kept, execution)? as usize <= members.len())
 }
@@ -177,7 +181,7 @@ fn report(found: Found, certified: bool, source: &Points, target: &Points) -> Re
     let n = source.len();
     let mut members = found.members;
     members.sort_unstable();
-    // Fewer than three, or those on a line, are no group.
+    // Fewer than three, or collinear ones, are not a group.
     let pose = match fit_group(source, target, &members) {
         Ok(pose) => Some(pose),
         Err(Error::NoConsensus { .. }) => None,

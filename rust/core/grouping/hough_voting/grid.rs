@@ -1,14 +1,14 @@
-//! One vote each in regular bins over the votes' bounding box.
+//! Hough grid: one vote per correspondence in regular bins over the votes' bounding box.
 
 use nalgebra::{Point3, Vector3};
 
 use super::{Vote, bounding_box, check_bins};
 use crate::{Result, memory};
 
-/// Votes that spread less than this share of the target's diagonal along an axis fill one bin of it.
+/// Votes with a spread below this share of the target's diagonal along an axis fall into one bin of it.
 const NO_SPREAD: f64 = 1e-9;
 
-/// A grid of no more bins has a counter for each.
+/// A grid of at most this many bins has a counter for each.
 const MOST_COUNTERS: u64 = 1 << 16;
 
 /// Regular bins over the votes' bounding box.
@@ -51,7 +51,7 @@ impl Grid {
         [0, 1, 2].map(|axis| bin(axis).min(self.bins[axis] as u32 - 1))
     }
 
-    /// The bin that most votes fell into, the first in the order of the linear index, and how many they are.
+    /// The fullest bin, the first in linear order of equal ones, and its number of votes.
     pub(super) fn fullest(&self, bins: &[[u32; 3]]) -> Result<Option<([u32; 3], usize)>> {
         // There are at most 2^63 bins, since there are at most 2^21 along an axis.
         let [nx, ny, nz] = self.bins.map(|count| count as u64);
@@ -65,7 +65,7 @@ impl Grid {
     }
 }
 
-/// The number that comes most often, the least of several, and how often; none reaches `end`.
+/// The most frequent number, the least of several, and its frequency; all numbers are below `end`.
 fn most_frequent_below(end: usize, numbers: impl Iterator<Item = u64>) -> Result<Option<(u64, usize)>> {
     let mut counts = memory::filled(0_u32, end)?;
     numbers.for_each(|number| counts[number as usize] += 1);
@@ -74,7 +74,7 @@ fn most_frequent_below(end: usize, numbers: impl Iterator<Item = u64>) -> Result
     Ok(first.zip(most).map(|(first, most)| (first as u64, most as usize)))
 }
 
-/// The number that comes most often, the least of several, and how often.
+/// The most frequent number, the least of several, and its frequency.
 fn most_frequent(mut numbers: Vec<u64>) -> Option<(u64, usize)> {
     numbers.sort_unstable();
     let runs = numbers.chunk_by(|a, b| a == b).map(|run| (run[0], run.len()));

@@ -1,7 +1,7 @@
-//! 3DHV: each correspondence votes for where the source's centroid lies in the target; the peak wins.
+//! 3DHV: each correspondence votes for the position of the source's centroid in the target; the peak wins.
 //!
-//! The paper, section 3.2, Eq. (14) to (16) (after Tombari, Di Stefano, PSIVT 2010). A local reference frame at each
-//! end makes a vote independent of the unknown motion. Cost O(n log n).
+//! The paper, section 3.2, Eq. (14) to (16) (after Tombari, Di Stefano, PSIVT 2010). The local reference
+//! frames at both ends make a vote independent of the unknown motion. Cost O(n log n).
 
 mod grid;
 mod space;
@@ -18,13 +18,13 @@ use crate::options::{self, ROUNDS, Value, at_most, method, number, words};
 use crate::rule::{Kind, Rule};
 use crate::{Correspondences, Execution, Grouping, Result, memory};
 
-/// Bins per axis beyond this can't be told apart in the grid's index.
+/// Most bins per axis that the grid's linear index can distinguish.
 const MAX_BINS: u64 = 2_097_151;
 
-/// So many votes of the grid variant are counted within a millisecond.
+/// Most votes that the grid variant counts within a millisecond.
 const MOST_INSTANT_VOTES: usize = 20_000;
 
-/// What a maximum has.
+/// Range of a maximum's value.
 const VOTES: options::Kind = number(
     -1.0,
     f64::INFINITY,
@@ -32,17 +32,18 @@ const VOTES: options::Kind = number(
 );
 
 words! {
-    /// How votes are counted.
+    /// Counting of the votes.
     pub enum Variant {
-        /// One vote each; the fullest bin and its neighbours are selected. The paper's.
+        /// One vote per correspondence; the fullest bin and its neighbours are selected, as in the paper.
         Grid = Value::Word("grid"),
-        /// Cubic bins with interpolated votes; each local maximum is filtered by RANSAC, the largest wins. PCL's.
+        /// Cubic bins with interpolated votes; each local maximum is filtered by RANSAC, the largest wins, as
+        /// in PCL.
         Pcl = Value::Word("pcl"),
     }
 }
 
 words! {
-    /// Bins around the peak whose voters are selected too.
+    /// Neighbourhood of the peak whose voters are also selected.
     pub enum Neighborhood {
         /// The 6 bins that share a face with it.
         Faces = Value::Whole(6),
@@ -54,7 +55,7 @@ words! {
 }
 
 impl Neighborhood {
-    /// How many bins it has besides the peak.
+    /// Number of bins besides the peak.
     fn count(self) -> f64 {
         match self {
             Self::None => 0.0,
@@ -63,7 +64,7 @@ impl Neighborhood {
         }
     }
 
-    /// Whether the bin that lies so many bins away belongs to it.
+    /// Whether it contains a bin at a given offset from the peak.
     fn reaches(self, [x, y, z]: [u32; 3]) -> bool {
         match self {
             Self::None => x + y + z == 0,
@@ -81,20 +82,20 @@ method! {
         pub bins: usize = 15, at_most(MAX_BINS);
         /// Side of cubic bins, a length, in place of `bins`; the "pcl" variant needs it.
         pub bin_size: Option<f64> = None;
-        /// Bins around the peak whose voters are selected with it.
+        /// Bins around the peak whose voters are also selected.
         pub neighbors: Neighborhood = Neighborhood::default();
-        /// "grid", as in the paper: one vote each, for the bin that contains it. "pcl", as in PCL: votes are interpolated,
-        /// and each local maximum is filtered by RANSAC.
+        /// "grid", as in the paper: one vote per correspondence, for the bin that contains it. "pcl", as in
+        /// PCL: votes are interpolated, and each local maximum is filtered by RANSAC.
         pub variant: Variant = Variant::default();
-        /// "pcl" variant: spread a vote over the up to 8 bins whose centres surround it.
+        /// "pcl" variant: interpolate a vote between the up to 8 bins whose centres surround it.
         pub interpolation: bool = true;
         /// "pcl" variant: weight a vote by `1 - d / d_max`, with d = `1 - similarity`.
         pub distance_weight: bool = false;
-        /// "pcl" variant: least value of a maximum; from -1 to 0, a share of the greatest value.
+        /// "pcl" variant: least value of a maximum; from -1 to 0, relative to the greatest value.
         pub vote_threshold: f64 = -1.0, VOTES;
         /// "pcl" variant: samples of the RANSAC filter.
         pub iterations: usize = 10_000, ROUNDS;
-        /// "pcl" variant: key of the filter's random numbers.
+        /// "pcl" variant: seed of the filter's random numbers.
         pub seed: u64 = 0;
     }
 }
@@ -116,7 +117,7 @@ impl GroupingMethod for HoughVoting {
     }
 }
 
-/// Where a correspondence, by its index, puts the source's centroid in the target.
+/// A correspondence's index, and its vote for the position of the source's centroid in the target.
 type Vote = (usize, Point3<f64>);
 
 impl HoughVoting {
@@ -290,7 +291,7 @@ mod tests {
 
     #[test]
     fn fine_grids_select_what_coarse_ones_do() -> Result<()> {
-        // Ten votes in each of two far corners, and 0.4 bins of a fine grid between those of a corner.
+        // Ten votes in each of two far corners, spaced by 0.4 bins of a fine grid.
         let shift = |i: usize| if i < 10 { [4e-7 * i as f64 / 10.0; 3] } else { [1.0; 3] };
         let shifts: Vec<_> = (0..20).map(shift).collect();
         let expected: Vec<bool> = (0..20).map(|i| i < 10).collect();

@@ -1,4 +1,4 @@
-//! PCL's counting: weighted votes in cubic bins, spread over those around them.
+//! PCL's Hough space: weighted votes in cubic bins, interpolated between neighbouring bins.
 
 use std::ops::Range;
 
@@ -26,20 +26,20 @@ impl Bin {
 
 /// Weighted votes in cubic bins.
 pub(super) struct HoughSpace {
-    /// The bins that were voted for, in order.
+    /// Bins with votes, in order.
     cells: Vec<Cell>,
-    /// Cell after cell.
+    /// Voters, sorted by cell.
     voters: Vec<usize>,
 }
 
 struct Cell {
     bin: Bin,
     value: f64,
-    /// Where its voters are.
+    /// Range of the cell's voters.
     voters: Range<usize>,
 }
 
-/// A vote, or its share in one bin; those in one bin are ordered as they were cast.
+/// A vote, or its share in one bin; those of one bin are in the order of casting.
 struct Ballot {
     bin: Bin,
     number: usize,
@@ -60,7 +60,7 @@ impl HoughSpace {
         let mut bins = [1; 3];
         for axis in 0..3 {
             check_bins(range[axis], side)?;
-            // A vote on the upper border of an exact multiple falls outside, as in PCL.
+            // A vote on the upper border of an exact multiple is outside, as in PCL.
             bins[axis] = ((range[axis] / side).ceil() as i64).max(1);
         }
         let mut cast = Cast::default();
@@ -104,7 +104,7 @@ impl HoughSpace {
     }
 }
 
-/// The votes as they come.
+/// The votes in the order of casting.
 #[derive(Default)]
 struct Cast(Vec<Ballot>);
 
@@ -117,7 +117,7 @@ impl Cast {
         memory::push(&mut self.0, Ballot { bin: Bin::new(bin), number, voter, weight })
     }
 
-    /// Spreads a vote over the up to 8 bins whose centres surround it.
+    /// Interpolates a vote between the up to 8 bins whose centres surround it.
     fn add_interpolated(
         &mut self,
         voter: usize,
@@ -140,7 +140,7 @@ impl Cast {
         Ok(())
     }
 
-    /// Puts them into their bins.
+    /// Sorts the votes into their bins.
     fn count(self) -> Result<HoughSpace> {
         let mut ballots = self.0;
         ballots.sort_unstable_by_key(|ballot| (ballot.bin, ballot.number));
@@ -160,7 +160,7 @@ fn inside(bin: [i64; 3], bins: [i64; 3]) -> bool {
     (0..3).all(|axis| (0..bins[axis]).contains(&bin[axis]))
 }
 
-/// Steps to a bin and its 26 neighbours, z slowest.
+/// Offsets to a bin and its 26 neighbours, z slowest.
 fn offsets() -> impl Iterator<Item = (i64, i64, i64)> {
     (-1..=1).flat_map(|dz| (-1..=1).flat_map(move |dy| (-1..=1).map(move |dx| (dz, dy, dx))))
 }

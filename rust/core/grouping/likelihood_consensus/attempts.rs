@@ -1,9 +1,11 @@
 //! Attempts with one tolerance or several.
 //!
-//! Where no tolerance is given, steps 1 to 8 are done with the likeliest one, and without frames with others, twice as large each,
-//! on both ways, until one answer is sure. The noise is estimated under it, and the pose refined by that (`noise.rs`). Where it is
-//! more than the tolerance allows for, the poses that were found are judged again with the tolerance that belongs to it.
-//! Where a resolution is given, another tolerance only says whether the motion that was found is sure, unless the given one is far
+//! If no tolerance is given, steps 1 to 8 use the likeliest one. Then, without frames, they use others in
+//! steps of a factor of two in both directions, until one answer is significant. The noise under the answer
+//! is estimated and refines the pose (`noise.rs`). If the noise is too large for the tolerance, the poses
+//! found are scored again with the tolerance that matches the noise. If a resolution is given, another
+//! tolerance only decides whether the motion found is significant, unless the given one is far too large for
+//! the noise. Without a resolution, the fewest false alarms win.
 //! too great for the noise. Without one, the fewest false alarms win.
 
 use std::rc::Rc;
@@ -24,21 +26,22 @@ use crate::geometry::rigid::Rigid;
 use crate::rule::{Agreement, Kind, Rule};
 use crate::{Correspondences, Execution, Grouping, Points, Result, memory};
 
-/// Resolutions in a tolerance.
+/// Default tolerance in resolutions.
 const RESOLUTIONS: f64 = 3.0;
 
-/// Powers of two by which other tolerances are tried, where a resolution is given and where none is.
+/// Range of other tolerances in powers of two, with a given resolution and without one.
 const OCTAVES: (i32, i32) = (2, 4);
 
-/// A tolerance is too small for noise of more than this many times its deviation, and too great for less than one of so many
-/// parts of it.
+/// A tolerance is too small if the noise exceeds this multiple of its deviation, and too large if the noise
+/// is below its deviation divided by the second number.
 const TOO_SMALL: f64 = 1.5;
 const TOO_GREAT: f64 = 6.0;
 
-/// Poses that lay the source points less than this many tolerances apart (root mean square) are the same motion.
+/// Poses that displace the source points by less than this many tolerances (root mean square) are the same
+/// motion.
 const NEAR: f64 = 2.0;
 
-/// What was found with one tolerance.
+/// Result of one tolerance.
 pub struct Attempt<'a> {
     pub problem: Problem<'a>,
     joined: Rc<Joined>,
@@ -59,7 +62,7 @@ impl LikelihoodConsensus {
         let tolerances = self.tolerances(correspondences, source, execution)?;
         let rotations = frames::proposed_rotations(correspondences)?;
         let rotations = rotations.as_deref();
-        // Each of several tolerances could have found by chance what one did.
+        // Each tolerance tried is one more chance of a false alarm.
         let tried = tolerances.len() as f64;
         let is_told = correspondences.resolution().is_some();
         let mut found = self.attempt(correspondences, source, tolerances[0], rotations, execution)?;
@@ -83,7 +86,7 @@ impl LikelihoodConsensus {
         self.finish(correspondences, found, rotations, tried)
     }
 
-    /// Reports what was found, suited to the noise unless a tolerance is given.
+    /// Reports the result, adapted to the noise unless a tolerance is given.
     pub(super) fn finish(
         &self,
         correspondences: &Correspondences,
@@ -103,7 +106,7 @@ impl LikelihoodConsensus {
         Ok(Grouping { noise, ..found.report(self.instances)? })
     }
 
-    /// The tolerances to try, the likeliest first, where the source is in the target's unit.
+    /// The tolerances to try, the likeliest first, for a source in the target's unit.
     pub(super) fn tolerances(
         &self,
         correspondences: &Correspondences,
@@ -123,7 +126,7 @@ impl LikelihoodConsensus {
         Ok(std::iter::once(0).chain(both).map(|octave| first * 2.0_f64.powi(octave)).collect())
     }
 
-    /// What is found with a tolerance, by position alone unless rotations are given.
+    /// Result of a tolerance, by position alone unless rotations are given.
     pub(super) fn attempt<'a>(
         &self,
         correspondences: &'a Correspondences,
@@ -139,7 +142,7 @@ impl LikelihoodConsensus {
         self.judge(correspondences, problem, joined, cliques, rotations)
     }
 
-    /// Hypotheses by the measure of a problem's tolerance.
+    /// Scores hypotheses with a problem's tolerance.
     fn judge<'a>(
         &self,
         correspondences: &Correspondences,
@@ -159,7 +162,7 @@ impl LikelihoodConsensus {
         Ok(found)
     }
 
-    /// Lets frames count where there are any, and finds how sure the answer is.
+    /// Applies frames if there are any, and computes the number of false alarms of the answer.
     fn settle(&self, found: &mut Attempt<'_>, rotations: Option<&[Option<Matrix3<f64>>]>) -> Result<()> {
         if let Some(rotations) = rotations {
             let (judge, by_position) = (found.judge(), &found.answer);
@@ -175,7 +178,8 @@ impl LikelihoodConsensus {
         Ok(())
     }
 
-    /// What was found, judged anew with the tolerance that suits the noise, where its own is too small and this is sure.
+    /// The result rescored with the tolerance that matches the noise, if the current one is too small and the
+    /// new result is significant.
     fn suited<'a>(
         &self,
         correspondences: &Correspondences,
@@ -200,7 +204,7 @@ impl Attempt<'_> {
         Judge { problem: &self.problem, likelihood: &self.likelihood }
     }
 
-    /// Whether the best pose is no chance, of as many tolerances as were tried.
+    /// Whether the best pose is significant, given the number of tolerances tried.
     fn is_sure(&self, tried: f64) -> bool {
         self.false_alarms * tried < MOST_FALSE_ALARMS
     }
@@ -209,7 +213,7 @@ impl Attempt<'_> {
         self.answer.ranked.first().map(|best| &best.mode.pose)
     }
 
-    /// Whether the best poses of two attempts are the same motion, or here is none.
+    /// Whether the best poses of two attempts are the same motion, or this one has none.
     fn is_near(&self, other: &Self) -> bool {
         let (Some(pose), Some(of_other)) = (self.best_pose(), other.best_pose()) else {
             return self.best_pose().is_none();
@@ -218,14 +222,14 @@ impl Attempt<'_> {
         displacement(pose, of_other, self.problem.source) < NEAR * tolerance
     }
 
-    /// Whether the tolerance is not far greater than the noise under the best pose asks for.
+    /// Whether the tolerance is not far larger than the noise under the best pose requires.
     fn is_narrow(&self) -> Result<bool> {
         let Some(pose) = self.best_pose() else { return Ok(false) };
         let (_, noise) = noise::refined(&self.problem, &self.answer.likelihood, pose)?;
         Ok(TOO_GREAT * noise > DEVIATION * self.problem.tolerance)
     }
 
-    /// Refines the best pose, if it is sure, by the noise under it, and returns that.
+    /// Returns the noise under the best pose, and refines the pose by it if it is significant.
     fn refine_by_noise(&mut self, tried: f64) -> Result<Option<f64>> {
         let is_sure = self.is_sure(tried);
         let Some(best) = self.answer.ranked.first_mut() else { return Ok(None) };

@@ -1,11 +1,11 @@
-//! Confidence in a group, and further poses of the same confidence.
+//! Confidence in a group, and further poses with the same confidence.
 //!
-//! The number of false alarms of a pose counts the supporters that lie apart from each other, for they speak for it
-//! independently, and takes for chance how many targets lie near the source points as the pose lays them: a pose that lays
-//! surface on surface has more of both. Where that does not suffice, smaller radii are tried (`precision.rs`). And no
-//! reflection is a motion: where the mirror image of one of the best poses has about as many independent supporters as the
-//! best, the matches are of mirrored shapes, of one line, or of nothing. A reflection in the plane of the supporters is the
-//! same placement and does not count.
+//! The number of false alarms of a pose counts the supporters that lie apart from each other, since these are
+//! independent evidence. The chance level is the number of targets near the source points under the pose: a
+//! pose that aligns surfaces has more of both. If that does not suffice, smaller radii are tried
+//! (`precision.rs`). A reflection is not a motion: if the mirror image of one of the best poses has about as
+//! many independent supporters as the best, the matches are of mirrored shapes, of one line, or random. A
+//! reflection in the plane of the supporters is the same placement and does not count.
 
 use super::{Answer, Joined, Problem, Ranked, precision};
 use crate::consensus::false_alarms::{Independent, false_alarms, independent};
@@ -15,52 +15,54 @@ use crate::grouping_result::mask_of;
 use crate::selection::top_k::largest;
 use crate::{Grouping, Result, memory};
 
-/// A group is sure below this.
+/// Bound on the number of false alarms of a significant group.
 pub const MOST_FALSE_ALARMS: f64 = 0.01;
 
-/// Distance, in units of the tolerance, of supporters that count each on their own.
+/// Least distance between independent supporters, in units of the tolerance.
 pub const APART: f64 = 7.0 / 3.0;
 
-/// Poses whose mirror images are looked at, and the rounds of their refinement.
+/// Number of poses whose mirror images are tested, and iterations of their refinement.
 const REFLECTIONS: usize = 10;
 const ROUNDS: usize = 5;
-/// Pairs that cliques of mirrored matches grow from.
+/// Number of pairs from which cliques of mirrored matches grow.
 const MIRRORED_SEEDS: usize = 100;
 
-/// A mirror image has about as many supporters as a pose with more than this share of them.
+/// A mirror image has about as many supporters as a pose if it has more than this share of them.
 const AS_MANY: f64 = 0.9;
 
-/// Least share that the supporters of a pose and of the same placement, mirrored in their plane, have in common.
+/// Least intersection over union of the supporters of a pose and of the same placement, mirrored in their
+/// plane.
 const SAME: f64 = 0.8;
 
-/// A placement fits better than another where its sum of squares is less by this factor, and by this many standard
-/// deviations (both fits have noise in the plane's normal).
+/// A placement fits better than another if its sum of squares is smaller by this factor, and by this many
+/// standard deviations (both fits have noise along the plane's normal).
 const BETTER: f64 = 1.1;
 const DEVIATIONS: f64 = 3.0;
 
-/// Supporters lie on a line where their second spread is no more than this many residuals.
+/// Supporters are collinear if their second spread is at most this many residuals.
 const ON_A_LINE: f64 = 2.0;
 
-/// Rounding of a residual, as a share of the tolerance.
+/// Rounding of a residual, relative to the tolerance.
 const ROUNDING: f64 = 1e-6;
 
-/// Greatest number of false alarms, as a share of what is sure, that is so with any number of tolerances.
+/// Number of false alarms, relative to the bound, that is significant for any number of tolerances.
 const SURELY: f64 = 0.1;
 
-/// Greatest share that two instances may have in common, of what is in either.
+/// Greatest intersection over union of two instances.
 const MOST_SHARED: f64 = 0.3;
 
-/// What poses are judged by.
+/// Evaluates the significance of poses.
 pub struct Judge<'a> {
     pub problem: &'a Problem<'a>,
-    /// By position alone: frames made the poses that they agree with.
+    /// By position alone: poses from frames agree with them by construction.
     pub likelihood: &'a Likelihood,
 }
 
 impl Judge<'_> {
-    /// Number of false alarms of the best pose; infinite without one, or where a reflection equals it.
-    /// Reflections of cliques are looked at where they are given, as one of several tolerances may miss the best pose's.
-    /// Smaller radii are tried for rigid motions alone: a scale that is sought adapts to few exact matches.
+    /// Number of false alarms of the best pose; infinite without a pose, or if a reflection equals it.
+    /// Reflections of cliques are tested if `joined` is given, since one of several tolerances may miss the
+    /// best pose's. Smaller radii are tried for rigid motions only: an estimated scale adapts to few exact
+    /// matches.
     pub fn expected(&self, ranked: &[Ranked], joined: Option<&Joined>, is_rigid: bool) -> Result<f64> {
         let Some(best) = ranked.first() else { return Ok(f64::INFINITY) };
         if self.is_equalled_by_a_reflection(ranked, joined)? {
@@ -73,7 +75,7 @@ impl Judge<'_> {
         Ok(precision::false_alarms(self.problem, self.likelihood, &best.mode.pose)?.min(expected))
     }
 
-    /// The grouping with its number of false alarms, and the masks of up to `most` motions that are sure.
+    /// Adds the number of false alarms to a grouping, and the masks of up to `most` significant motions.
     pub fn judged(
         &self,
         grouping: Grouping,
@@ -92,7 +94,7 @@ impl Judge<'_> {
         Ok(Grouping { ok: Some(ok), false_alarms: Some(expected), instances: masks, ..grouping })
     }
 
-    /// The masks of the motions that are sure by the matches that better ones leave.
+    /// The masks of the motions that are significant among the matches left by better ones.
     fn instances(&self, answer: &Answer, most: usize) -> Result<Vec<Vec<bool>>> {
         let mut masks: Vec<Vec<bool>> = Vec::new();
         let mut taken = memory::filled(false, answer.likelihood.len())?;
@@ -104,7 +106,7 @@ impl Judge<'_> {
             let squares = self.likelihood.squared_residuals(&one.mode.pose)?;
             let mask = mask_of(squares.len(), self.problem.group(&squares)?)?;
             let is_new = masks.iter().all(|other| is_other(&mask, other));
-            // The best is sure, by this radius or a smaller one.
+            // The best is significant by this radius or a smaller one.
             let is_sure = masks.is_empty() || self.false_alarms(one, &taken)? < MOST_FALSE_ALARMS;
             if is_new && is_sure {
                 taken.iter_mut().zip(&mask).for_each(|(taken, &here)| *taken |= here);
@@ -114,14 +116,14 @@ impl Judge<'_> {
         Ok(masks)
     }
 
-    /// Number of false alarms of a pose among the matches that are not `taken` (none of them where that is empty).
+    /// Number of false alarms of a pose among the matches that are not `taken` (empty: none are).
     pub fn false_alarms(&self, one: &Ranked, taken: &[bool]) -> Result<f64> {
         let pose = &one.mode.pose;
         let squares = self.likelihood.squared_residuals(pose)?;
         let mut supporters = self.problem.group(&squares)?;
         supporters.retain(|&i| taken.get(i) != Some(&true));
         let n = squares.len() - taken.iter().filter(|&&taken| taken).count();
-        // Where the source lands is known of a sample; supporters surely land on a target.
+        // The landing is measured on a sample; each supporter lies near a target by definition.
         let chance = one.landing.chance.max(supporters.len() as f64 / n.max(1) as f64);
         let Independent { count, share } = self.independent(&squares, &supporters)?;
         Ok(false_alarms(n, count, chance * share))
@@ -132,8 +134,8 @@ impl Judge<'_> {
         independent(source, target, squares, supporters, APART * tolerance)
     }
 
-    /// Whether a motion onto the mirrored target has about as many independent supporters as the best pose, elsewhere: the
-    /// mirror image of one of the best poses, or the best motion of cliques.
+    /// Whether a motion onto the mirrored target has about as many independent supporters as the best pose,
+    /// at another placement: the mirror image of one of the best poses, or the best motion of cliques.
     fn is_equalled_by_a_reflection(&self, ranked: &[Ranked], joined: Option<&Joined>) -> Result<bool> {
         let Problem { source, target, execution, .. } = *self.problem;
         let Some(best) = ranked.first() else { return Ok(false) };
@@ -167,8 +169,9 @@ impl Judge<'_> {
         largest(&scores, 1)?.first().map_or(Ok(false), |&best| is_rival(&poses[best]))
     }
 
-    /// Whether a reflection that has the supporters of the pose fits them no better, and they fix the pose: those of one plane
-    /// do, those of one line don't; `None` where it has others.
+    /// Whether a reflection with the pose's supporters is the same placement: it fits them no better, and
+    /// they determine the pose, as coplanar ones do and collinear ones do not; `None` if it has other
+    /// supporters.
     fn is_same_placement(&self, squares: &[f64], of_image: &[f64]) -> Result<Option<bool>> {
         let limit = self.problem.group_radius().powi(2);
         let group = self.problem.group(squares)?;
@@ -188,7 +191,7 @@ impl Judge<'_> {
     }
 }
 
-/// Whether two masks have little in common.
+/// Whether two masks have a small intersection over union.
 fn is_other(a: &[bool], b: &[bool]) -> bool {
     let count = |counts: fn(bool, bool) -> bool| a.iter().zip(b).filter(|&(&a, &b)| counts(a, b)).count();
     (count(|a, b| a && b) as f64) < MOST_SHARED * count(|a, b| a || b) as f64

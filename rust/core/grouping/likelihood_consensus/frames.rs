@@ -1,9 +1,9 @@
-//! Local frames in LC: poses of stars, terms of the score, and the decision whether frames count.
+//! Local frames in LC: poses of stars, terms of the score, and the decision to use frames.
 //!
-//! A frame is never a veto: wrong ones cost a match little. But where most frames of right matches are wrong, those that
-//! agree lead astray. So the poses that are no chance by position alone are asked: of their supporters, three in
-//! four must have frames that agree with them. Where position finds no such pose, frames are tried, and their best pose is
-//! taken unless the best by position is far less likely to be chance.
+//! A wrong frame is never a veto and costs a match little. But if most frames of correct matches are wrong,
+//! those that agree mislead. The significant poses by position therefore decide: three in four of their
+//! supporters must have frames that agree. If positions alone give no significant pose, frames are tried, and
+//! their best pose is taken unless the best by position has far fewer false alarms.
 
 use nalgebra::Matrix3;
 
@@ -15,20 +15,22 @@ use crate::consensus::stars::{FRAME_ANGLE, FRAME_DEVIATION, Stars};
 use crate::geometry::rigid::Rigid;
 use crate::{Correspondences, Result, memory};
 
-/// Frames count where those of as many of the supporters agree with the pose.
+/// Frames are used if at least this share of the supporters' frames agree with the pose.
 const LEAST_SHARE: f64 = 0.75;
 
-/// The share of right frames where no pose tells, and the greatest: some are always wrong.
+/// Share of correct frames without a significant pose, and upper bound of the share: some are always wrong.
 const UNKNOWN_SHARE: f64 = 0.5;
 const GREATEST_SHARE: f64 = 0.9;
 
-/// How many times fewer false alarms the best pose by position needs, where frames are only tried, to be taken.
+/// Factor of fewer false alarms that the best pose by position needs to win against frames that are only
+/// tried.
 const ADVANTAGE: f64 = 100.0;
 
-/// How much likelier right frames agree than those of wrong matches, under a pose that lays surface on surface.
+/// Likelihood ratio of agreement between frames of correct and of wrong matches, under a pose that aligns
+/// surfaces.
 const LIKELIHOOD_RATIO: f64 = 40.0;
 
-/// Radius, in units of the tolerance, within which matches go wrong together.
+/// Radius, in units of the tolerance, within which matches are wrong together.
 const CLUSTER: f64 = 5.0;
 
 /// `L'^T L` of each match that has both frames; `None` where no match has.
@@ -46,7 +48,7 @@ fn agrees(rotation: &Matrix3<f64>, pose: &Rigid) -> bool {
     rotation.dot(&pose.rotation) > 1.0 + 2.0 * FRAME_ANGLE.cos()
 }
 
-/// The answer where frames count; `None` where the one by position stays.
+/// The answer with frames; `None` if the one by position stays.
 pub fn with_frames(
     judge: &Judge,
     by_position: &Answer,
@@ -72,7 +74,7 @@ pub fn with_frames(
     Ok((share.is_some() || !is_worse).then_some(by_frames))
 }
 
-/// The share of the supporters, of the poses that are no chance, whose frames agree; `None` without such a pose.
+/// Share of agreeing frames among the supporters of significant poses; `None` without such a pose.
 fn share(judge: &Judge, ranked: &[Ranked], rotations: &[Option<Matrix3<f64>>]) -> Result<Option<f64>> {
     let (mut agreeing, mut framed) = (0_u32, 0_u32);
     for one in ranked {
@@ -101,7 +103,7 @@ fn star_poses(problem: &Problem, rotations: &[Option<Matrix3<f64>>], joined: &Jo
     stars.poses(problem.execution)
 }
 
-/// The likelihood with frames, of which a share is right, and with weights 1 / c for the sizes c of clusters.
+/// The likelihood with frames, of which `share` are correct, and with weights 1 / c for clusters of size c.
 fn weigh(
     problem: &Problem,
     likelihood: &Likelihood,

@@ -1,28 +1,30 @@
-//! LC: the pose under which the correspondences are likeliest, beside chance.
+//! LC: the pose of greatest likelihood ratio of the correspondences versus chance.
 //!
 //! Likelihood consensus, a method of this library. With lengths in units u of a third of the tolerance:
 //!
-//! 1. The level of a correspondence: `L_i = ln(s n / D_i) + clip(8 (0.87 - ratio_i), -0.8, 3)`, where `s = max(1 / 100, 10 / n)`
-//!    is the share that is right where nothing is known, and `D_i` the greater of the sums over k of
-//!    `max(0, 1 - d_ik^2 / 25)` around `p_i` and around `p'_i`: how many end there anyway.
-//! 2. Correspondences are joined where `|ds - dt| < 3` and both lengths exceed 6, and from each of the 1,000 pairs with
-//!    the most common neighbours grows a clique of up to 12 members, whose least-squares motion is a hypothesis.
-//!    Of more than 2,500 correspondences only those are joined for which `|ds - dt| < 3` holds with the most others,
-//!    ties to the lower index: right ones are among them, be they few or many.
+//! 1. The level of a correspondence: `L_i = ln(s n / D_i) + clip(8 (0.87 - ratio_i), -0.8, 3)`, where
+//!    `s = max(1 / 100, 10 / n)` is the prior share of correct correspondences, and `D_i` the greater of the
+//!    sums over k of `max(0, 1 - d_ik^2 / 25)` around `p_i` and around `p'_i`: the number that end there by
+//!    chance.
+//! 2. Correspondences are connected if `|ds - dt| < 3` and both lengths exceed 6. From each of the 1,000
+//!    pairs with the most common neighbours grows a clique of up to 12 members, whose least-squares motion is
+//!    a hypothesis. Of more than 2,500 correspondences only those with the most agreements `|ds - dt| < 3`
+//!    are connected, ties to the lower index: correct ones are among them, whether few or many.
 //! 3. The support of a pose: the sum of `max(0, L_i - r_i^2 / (2 2.7^2))` over residuals `r_i` below 6.
-//! 4. The best pose is refined by weighted least squares, its supporters are taken out, and so on; then each is
-//!    refined among all correspondences, with a deviation that falls from 1.6 times 2.7 to 2.7.
-//! 5. Frames, where there are any: whether they count is asked of the poses found so far (`frames.rs`). If they do, stars of
-//!    frames propose poses too, each term gets what its frames say and is divided by how many go wrong together
-//!    (`frames.rs`), and step 4 is done again.
-//! 6. The score of a pose is its support times the share of source points that it lays within 5 of any target; the best wins.
+//! 4. The best pose is refined by weighted least squares, its supporters are removed, and so on; then each
+//!    pose is refined among all correspondences, with a deviation that falls from 1.6 times 2.7 to 2.7.
+//! 5. Frames, if any: the poses found so far decide whether they are used (`frames.rs`). If so, stars of
+//!    frames also propose poses, each term is increased by the evidence of its frames and divided by the
+//!    number of matches that are wrong together (`frames.rs`), and step 4 is repeated.
+//! 6. The score of a pose is its support times the share of source points that it moves to within 5 of any
+//!    target; the best wins.
 //! 7. The group: residuals of at most 5 under it.
 //! 8. The number of false alarms, and further instances (`confidence.rs`).
 //!
-//! Where no tolerance is given, several are tried, and the pose is refined by the noise (`attempts.rs`, `noise.rs`).
-//! Where the scale is unknown, this is done at the likeliest scales (`scale.rs`).
+//! If no tolerance is given, several are tried, and the noise refines the pose (`attempts.rs`, `noise.rs`).
+//! If the scale is unknown, this is done at the likeliest scales (`scale.rs`).
 //!
-//! Cost O(n^2) tests of pairs, and O(n) a hypothesis.
+//! Cost O(n^2) tests of pairs, and O(n) per hypothesis.
 
 mod attempts;
 mod confidence;
@@ -49,34 +51,35 @@ use crate::options::method;
 use crate::selection::top_k::largest;
 use crate::{Correspondences, Execution, Grouping, Points, Result, memory};
 
-/// Lengths in units of the tolerance: standard deviation of a right match, residuals that count in the score, and in
-/// the group, radius of the chance level, least length of an edge.
+/// Lengths in units of the tolerance: standard deviation of a correct match, bound of residuals in the score
+/// and in the group, radius of the chance level, least length of an edge.
 const DEVIATION: f64 = 0.9;
 const REACH: f64 = 2.0;
 const GROUP: f64 = 5.0 / 3.0;
 const CHANCE: f64 = 5.0 / 3.0;
 const SHORTEST: f64 = 2.0;
 
-/// Pairs that cliques grow from.
+/// Number of pairs that cliques grow from.
 const SEEDS: usize = 1_000;
 
-/// Correspondences whose cliques are sought.
+/// Most correspondences in the search for cliques.
 const MOST_VERTICES: usize = 2_500;
 
 method! {
     /// Parameters of likelihood consensus.
     pub struct LikelihoodConsensus = "lc", ["source", "target"],
         optional ["ratio", "source_lrf", "target_lrf", "resolution"], {
-        /// Greatest distance difference of two that agree, a length; default `3 * resolution`, without a resolution 0.8
-        /// times the distance of neighbouring points. Where that gives no significant pose, other powers of 2 times that
-        /// are tried, and the pose is refined with the noise under it, `Grouping.noise`. For dense matches of clouds
-        /// downsampled to voxels of side v, give `1.2 * v`.
+        /// Greatest distance difference of agreeing correspondences, a length; default `3 * resolution`, or
+        /// without a resolution 0.8 times the distance of neighbouring points. If that gives no significant
+        /// pose, other powers of 2 times that are tried, and the pose is refined with the noise under it,
+        /// `Grouping.noise`. For dense matches of clouds downsampled to voxels of side v, give `1.2 * v`.
         pub tolerance: Option<f64> = None;
         /// Most poses in `Grouping.alternatives`, the best among them.
         pub modes: usize = 40;
-        /// Most groups in `Grouping.instances`, which is None for 1. The groups follow different rigid motions, each is
-        /// significant among the matches that better ones leave, and any two have an intersection over union below 0.3. Row
-        /// 0 is the mask; there is no row where the best is not `Grouping.ok`.
+        /// Most groups in `Grouping.instances`, which is None for 1. The groups follow different rigid
+        /// motions, each is significant among the matches left by better ones, and any two have an
+        /// intersection over union below 0.3. Row 0 is the mask; there are no rows if the best is not
+        /// `Grouping.ok`.
         pub instances: usize = 1;
         /// Whether the two sides are in different units: the scale is the length in the target of the source's unit,
         /// between the two bounds if they are given. True allows any unit: scales are tried at which both sides are of
@@ -86,7 +89,7 @@ method! {
     }
 }
 
-/// Matched points and what all steps share.
+/// Matched points and parameters of all steps.
 #[derive(Clone, Copy)]
 struct Problem<'a> {
     source: &'a Points,
@@ -96,7 +99,7 @@ struct Problem<'a> {
     execution: &'a Execution,
 }
 
-/// A mode, how it lays the source, and its score.
+/// A mode, its landing, and its score.
 #[derive(Debug, Clone, Copy)]
 struct Ranked {
     mode: Mode,
@@ -104,12 +107,12 @@ struct Ranked {
     score: f64,
 }
 
-/// What the matches say, with frames or without.
+/// The poses supported by the matches, with frames or without.
 struct Answer {
     likelihood: Likelihood,
     /// The modes, the best first.
     ranked: Vec<Ranked>,
-    /// Whether frames count in it.
+    /// Whether frames are used.
     by_frames: bool,
 }
 
@@ -139,8 +142,8 @@ impl Problem<'_> {
         memory::collect(order.into_iter().map(|k| ranked[k]))
     }
 
-    /// Directions in which the group's source points spread by more than twice the noise that is allowed for: 3 for a body,
-    /// 2 for one plane, 1 for one line.
+    /// Number of directions in which the group's source points spread by more than twice the allowed noise: 3
+    /// for a body, 2 for a plane, 1 for a line.
     fn dimensions(&self, mask: &[bool]) -> Result<usize> {
         let rows = memory::collect((0..mask.len()).filter(|&i| mask[i]))?;
         let least = (2.0 * DEVIATION * self.tolerance).powi(2);
@@ -167,7 +170,7 @@ impl Problem<'_> {
         GROUP * self.tolerance
     }
 
-    /// The rows with a residual in the group.
+    /// The rows with residuals of the group.
     fn group(&self, squares: &[f64]) -> Result<Vec<usize>> {
         let limit = self.group_radius().powi(2);
         memory::collect((0..squares.len()).filter(|&i| squares[i] <= limit))
@@ -197,14 +200,14 @@ impl Problem<'_> {
     }
 }
 
-/// The graph of those that keep their distances, and the rows that it is made of.
+/// The graph of correspondences that agree in distance, and their rows.
 struct Joined {
     vertices: Vec<usize>,
     graph: AgreementGraph,
 }
 
 impl Problem<'_> {
-    /// Joins all, or as many as may be of those that agree with the most others.
+    /// Connects all correspondences, or at most `most` of those with the most agreements.
     fn join(&self, most: usize) -> Result<Joined> {
         let Problem { source, target, tolerance, execution, .. } = *self;
         let shortest = SHORTEST * tolerance;

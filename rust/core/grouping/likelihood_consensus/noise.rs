@@ -1,8 +1,9 @@
-//! The noise of right correspondences, from the residuals under a pose.
+//! The noise of correct correspondences, from the residuals under a pose.
 //!
-//! The radius is sought within which the supporters are least likely chance: an a-contrario threshold (Moisan, Moulon,
-//! Monasse: Automatic homographic registration of a pair of images, with a contrario elimination of outliers, IPOL 2012).
-//! It stands to the standard deviation of right correspondences as the radius of a group does.
+//! The radius is the one within which the number of supporters is most significant: an a-contrario threshold
+//! (Moisan, Moulon, Monasse: Automatic homographic registration of a pair of images, with a contrario
+//! elimination of outliers, IPOL 2012). Its ratio to the standard deviation of correct correspondences is
+//! that of a group's radius.
 
 use super::confidence::APART;
 use super::{DEVIATION, GROUP, Problem};
@@ -16,25 +17,25 @@ use crate::geometry::rigid::Rigid;
 use crate::{Error, Execution, Points, Result, memory};
 use rayon::prelude::*;
 
-/// The tolerance that is tried first, in mean distances of neighbouring points.
+/// The first tolerance tried, in mean distances of neighbouring points.
 const SPACINGS: f64 = 0.8;
 
-/// Radii are this many to a factor of two, and so many are looked at on both sides of the group's, at most.
+/// Radii per factor of two, and most radii tried on both sides of the group's.
 const STEPS_PER_OCTAVE: f64 = 2.0;
 const MOST_STEPS: i32 = 8;
 /// Radii on both sides of the best that have to be worse.
 const WORSE: i32 = 2;
 
-/// Rounds of refinement.
+/// Iterations of refinement.
 const ROUNDS: usize = 5;
 
-/// A tolerance that suits matches as far apart as these are; any where all points of a side coincide.
+/// A tolerance that suits the spacing of the matches; arbitrary if all points of a side coincide.
 pub fn likely_tolerance(source: &Points, target: &Points, execution: &Execution) -> Result<f64> {
     let spacing = spacing(source, execution)?.min(spacing(target, execution)?);
     Ok(if spacing.is_finite() { SPACINGS * spacing } else { 1.0 })
 }
 
-/// Mean distance of points from their nearest other one; infinite where there is none.
+/// Mean distance of points to their nearest neighbours; infinite without neighbours.
 fn spacing(points: &Points, execution: &Execution) -> Result<f64> {
     match mean_nearest_distance(&NearestNeighbors::new(points, execution)?, true, execution) {
         Err(Error::InvalidInput { .. }) => Ok(f64::INFINITY),
@@ -42,7 +43,7 @@ fn spacing(points: &Points, execution: &Execution) -> Result<f64> {
     }
 }
 
-/// The pose refined by the noise under it, and that: the standard deviation of right correspondences.
+/// The pose refined by its noise, and the noise: the standard deviation of correct correspondences.
 pub fn refined(problem: &Problem<'_>, likelihood: &Likelihood, pose: &Rigid) -> Result<(Rigid, f64)> {
     let mut tried: Vec<Trial> = Vec::new();
     let mut best = 0;
@@ -56,7 +57,7 @@ pub fn refined(problem: &Problem<'_>, likelihood: &Likelihood, pose: &Rigid) -> 
         let found = memory::par_try_collect(steps.par_iter().map(look))?;
         memory::reserve(&mut tried, found.len())?;
         tried.extend(found.into_iter().flatten());
-        // Of equal ones, the one nearest to what was given.
+        // Of equal trials, the one nearest to the given tolerance.
         let rounded = |trial: &Trial| (trial.value / EQUAL).round();
         let order =
             |a: &&Trial, b: &&Trial| rounded(a).total_cmp(&rounded(b)).then(a.step.abs().cmp(&b.step.abs()));
@@ -89,7 +90,7 @@ impl Trial {
         let near = landed.first().map_or(0.0, |landing| landing.chance);
         let chance = near.max(supporters.len() as f64 / n.max(1) as f64);
         let apart = independent(source, target, &squares, &supporters, APART / GROUP * radius)?;
-        // Not all of many are looked at: the others lie apart as often.
+        // Large sets are sampled: the rest lies apart as often.
         let count = (apart.share * supporters.len() as f64).round() as usize;
         let value = ln_false_alarms(n, count, chance * apart.share);
         Ok(Self { step, deviation, pose, value })

@@ -1,10 +1,11 @@
-//! The number of false alarms of a pose within smaller radii than the group's: few matches that fit exactly are no chance.
+//! The number of false alarms of a pose within smaller radii than the group's: few matches with an exact fit
+//! are significant.
 //!
-//! Supporters count where they lie as far apart as they must within the group's radius. For chance is taken the greatest of
-//! four numbers of targets near a source point under the pose: those of other matches within the radius; those within the
-//! group's radius, times the ratio of areas; those of all matches spread evenly over the area that the supporters span; those
-//! of all matches times the squared share of distances that agree with the distance of another pair, which is great on
-//! grids. Each radius could have found by chance what one did.
+//! Supporters must lie as far apart as within the group's radius. The chance level is the greatest of four
+//! numbers of targets near a source point under the pose: other matches within the radius; those within the
+//! group's radius, times the ratio of areas; all matches spread evenly over the area spanned by the
+//! supporters; all matches times the squared share of distances that agree with the distance of another pair,
+//! which is large on grids. Each radius tried is one more chance of a false alarm.
 
 use super::confidence::APART;
 use super::{DEVIATION, GROUP, Problem};
@@ -14,21 +15,21 @@ use crate::consensus::likelihood::Likelihood;
 use crate::geometry::rigid::Rigid;
 use crate::{Points, Result, memory};
 
-/// Radii that are tried, each half of the one before, and the rounds of refinement within each.
+/// Radii tried, each half of the previous one, and iterations of refinement within each.
 const RADII: u32 = 11;
 const ROUNDS: usize = 3;
 
-/// Fewer supporters fit by chance: three fix a pose.
+/// Fewer supporters fit by chance: three determine a pose.
 const LEAST_SUPPORTERS: usize = 4;
 
-/// Half the width, in standard deviations, of points that are spread evenly over a disc.
+/// Half the width, in standard deviations, of points spread evenly over a disc.
 const EDGE: f64 = 2.0;
 
 /// Points whose distances are compared.
 const COMPARED: usize = 64;
 const COINCIDENCE: usize = 2;
 
-/// Least number over all radii, times the number of them.
+/// Least number over all radii, times the number of radii.
 pub fn false_alarms(problem: &Problem<'_>, likelihood: &Likelihood, pose: &Rigid) -> Result<f64> {
     let Problem { source, target, tolerance, execution, .. } = *problem;
     let n = likelihood.len() as f64;
@@ -58,7 +59,7 @@ pub fn false_alarms(problem: &Problem<'_>, likelihood: &Likelihood, pose: &Rigid
     Ok(least * f64::from(RADII))
 }
 
-/// The distances between points evenly spread over the input, pair by pair.
+/// The pairwise distances between points evenly spread over the input.
 fn distances(points: &Points) -> Result<Vec<f64>> {
     let (n, count) = (points.len(), points.len().min(COMPARED));
     let row = |k: usize| points.get(k * n / count);
@@ -66,8 +67,8 @@ fn distances(points: &Points) -> Result<Vec<f64>> {
     memory::collect(pairs.map(|(a, b)| (row(a) - row(b)).norm()))
 }
 
-/// Share of the distances on both sides that agree within a length, of those of different pairs; one coincidence, which is
-/// found in both orders, does not count.
+/// Share of the distances of different pairs on both sides that agree within a length; a single coincidence,
+/// counted in both orders, is subtracted.
 fn agreeing(starts: &[f64], ends: &[f64], length: f64) -> Result<f64> {
     let own = starts.iter().zip(ends).filter(|&(start, end)| (start - end).abs() <= length).count();
     let mut sorted = memory::copied(ends)?;

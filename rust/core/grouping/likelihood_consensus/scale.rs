@@ -1,10 +1,10 @@
 //! LC of unknown scale: `q = s R p + t`.
 //!
-//! With each tolerance, scales are tried in steps by which lengths as great as the target change by the tolerance. At each, the
-//! source times the scale, the best pose of few cliques is refined together with the scale: weighted least squares (Umeyama,
-//! PAMI 1991). At those with the greatest scores all of LC is done. The best score among sure answers wins, else
-//! the fewest false alarms. Each scale could have found by chance what one did: how many there are to try is a
-//! factor of the false alarms. All lengths are the target's.
+//! For each tolerance, scales are tried in steps that change lengths as large as the target by the tolerance.
+//! At each scale the best pose of few cliques, with the scaled source, is refined together with the scale:
+//! weighted least squares (Umeyama, PAMI 1991). At the scales with the greatest scores all of LC is run. The
+//! best score among significant answers wins, else the fewest false alarms. Each scale tried is one more
+//! chance of a false alarm: their number is a factor of the false alarms. All lengths are the target's.
 
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
@@ -20,34 +20,34 @@ use crate::options::{Kind, OptionType, Value};
 use crate::selection::top_k::largest;
 use crate::{Correspondences, Execution, Grouping, Points, Result, memory};
 
-/// Factor around the ratio of the sizes of both sides within which the scale is sought.
+/// Factor around the ratio of both sides' sizes within which the scale is searched.
 const WITHIN: f64 = 3.0;
 
-/// Least and greatest step of scales, as a share.
+/// Least and greatest relative step of scales.
 const STEP: (f64, f64) = (0.02, 0.08);
 
-/// Correspondences whose cliques are sought at each scale, and pairs that they grow from.
+/// Most correspondences in the search for cliques at each scale, and pairs that cliques grow from.
 const VERTICES: usize = 1_000;
 const SEEDS: usize = 20;
 
-/// Rounds of refinement, and how many deviations a residual may have in it.
+/// Iterations of refinement, and largest residual in it, in deviations.
 const ROUNDS: usize = 8;
 const REFINED: f64 = 3.0;
 
-/// Rounds in which the noise is estimated and the scale refined by it.
+/// Iterations in which the noise is estimated and refines the scale.
 const NOISE_ROUNDS: usize = 2;
 
-/// Scales at which all of LC is done, and how many steps they are apart.
+/// Scales at which all of LC is run, and their least distance in steps.
 const CANDIDATES: usize = 3;
 const APART: f64 = 2.0;
 
-/// What is known of the scale.
+/// Prior knowledge of the scale.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Scale {
-    /// It is 1.
+    /// The scale is 1.
     #[default]
     Known,
-    /// It lies between two bounds.
+    /// The scale lies between two bounds.
     Between(f64, f64),
 }
 
@@ -75,12 +75,13 @@ impl OptionType for Scale {
 struct Range {
     low: f64,
     high: f64,
-    /// Of the target, a length.
+    /// Size of the target, a length.
     size: f64,
 }
 
 impl Range {
-    /// Within the bounds and about the ratio of the sizes; `None` for too few points, or where those of a side coincide.
+    /// Scales within the bounds and around the ratio of the sizes; `None` for too few points, or if those of
+    /// a side coincide.
     fn new(source: &Points, target: &Points, bounds: (f64, f64)) -> Result<Option<Self>> {
         let (of_source, size) = (size(source)?, size(target)?);
         if source.len() < 3 || of_source <= source.zero_length() || size <= target.zero_length() {
@@ -100,7 +101,7 @@ impl Range {
         1.0 + (tolerance / self.size).clamp(STEP.0, STEP.1)
     }
 
-    /// The scales to try, from the least.
+    /// The scales to try, ascending.
     fn scales(&self, tolerance: f64) -> impl ExactSizeIterator<Item = f64> {
         let count = ((self.high / self.low).ln() / self.step(tolerance).ln()).ceil().max(1.0);
         let (low, width) = (self.low, (self.high / self.low).powf(count.recip()));
@@ -108,7 +109,7 @@ impl Range {
     }
 }
 
-/// Median distance of the points from their median along each axis: half the points may lie anywhere.
+/// Median distance of the points from their median along each axis: robust to up to half of the points.
 fn size(points: &Points) -> Result<f64> {
     let mut middle = Vector3::zeros();
     for (middle, axis) in middle.iter_mut().zip([&points.x, &points.y, &points.z]) {
@@ -118,13 +119,13 @@ fn size(points: &Points) -> Result<f64> {
     Ok(median(memory::collect(distances)?))
 }
 
-/// 0 without numbers.
+/// The median; 0 of an empty list.
 fn median(mut numbers: Vec<f64>) -> f64 {
     let half = numbers.len() / 2;
     if numbers.is_empty() { 0.0 } else { *numbers.select_nth_unstable_by(half, f64::total_cmp).1 }
 }
 
-/// What LC found at a scale with a tolerance.
+/// Result of LC at a scale with a tolerance.
 struct Trial {
     scale: f64,
     tolerance: f64,
@@ -201,7 +202,7 @@ fn likely_scales(
     execution: &Execution,
 ) -> Result<Vec<f64>> {
     let (source, target) = given.positions("lc")?;
-    // The same levels at all scales, so that scores can be compared.
+    // The same levels at all scales make the scores comparable.
     let levels = levels(target, target, given.optional_ratio(), CHANCE * tolerance, execution)?;
     let likelihood = Likelihood::new(target, target, &levels, DEVIATION * tolerance, REACH * tolerance)?;
     let look = |&scale: &f64| {
@@ -230,13 +231,14 @@ fn likely_scales(
     Ok(chosen)
 }
 
-/// A factor of the source, and the pose with it: `factor R` in place of a rotation.
+/// A similarity: `factor R` in place of the rotation, and its factor.
 struct Similarity {
     factor: f64,
     pose: Rigid,
 }
 
-/// Weighted least squares of those with residuals within so many deviations, each round by what the last one makes likely.
+/// Weighted least squares of the residuals within a number of deviations; each iteration weights by the
+/// result of the previous one.
 fn refined(likelihood: &Likelihood, pose: Rigid, deviation: f64) -> Result<Similarity> {
     let mut found = Similarity { factor: 1.0, pose };
     let limit = (REFINED * deviation).powi(2);

@@ -1,6 +1,7 @@
-//! The second-order graph of MAC, sparse: of each vertex its neighbours, and how well they agree.
+//! The second-order graph of MAC, sparse: the neighbours of each vertex, with weights of agreement.
 //!
-//! Weights are whole multiples of `2^-15`, and those of the second order of `2^-16`: their sums are exact, whatever the order.
+//! Weights are integer multiples of `2^-15`, and those of the second order of `2^-16`: their sums are exact
+//! in any order.
 
 use rayon::prelude::*;
 
@@ -13,19 +14,20 @@ use crate::execution::Execution;
 use crate::memory;
 use crate::points::Points;
 
-/// The weight 1.
+/// Fixed-point representation of the weight 1.
 const ONE: f64 = (1_u32 << 15) as f64;
 
-/// From products of three weights to weights of the second order.
+/// Shift from products of three weights to weights of the second order.
 const PRODUCT_SHIFT: u32 = 3 * 15 - SECOND_ORDER_BITS;
 
-/// Binary digits behind the point of a weight of the second order.
+/// Fractional bits of a weight of the second order.
 pub const SECOND_ORDER_BITS: u32 = 16;
 
-/// Bytes that the graph takes for each neighbour of each vertex: its number, the weights of both orders, and the cube root.
+/// Bytes of the graph for each neighbour of each vertex: its index, the weights of both orders, and the cube
+/// root.
 pub const BYTES_PER_NEIGHBOR: f64 = 4.0 + 2.0 + 4.0 + 4.0;
 
-/// Which pairs agree, and how well.
+/// Agreement of pairs and its weight.
 #[derive(Debug, Clone, Copy)]
 pub struct Kernel {
     /// Greatest distance difference.
@@ -45,7 +47,7 @@ impl Kernel {
 /// Vertices and their neighbours, ascending. Pairs without a common neighbour have the weight 0.
 #[derive(Debug)]
 pub struct SecondOrderGraph {
-    /// Where the neighbours of each vertex start, and where the last ones end.
+    /// Start of each vertex' neighbours, and the end of the last ones.
     starts: Vec<usize>,
     neighbors: Vec<u32>,
     /// `W_ij`, in units of `2^-16`.
@@ -53,12 +55,12 @@ pub struct SecondOrderGraph {
 }
 
 impl SecondOrderGraph {
-    /// Of matched points.
+    /// Graph of matched points.
     ///
     /// # Errors
     /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
     pub fn new(source: &Points, target: &Points, kernel: Kernel, execution: &Execution) -> Result<Self> {
-        // The source keeps weights that equal the cut; so `<` the next number.
+        // The original keeps weights equal to the cut; `<` the next number includes them.
         let agreement = DistanceAgreement::new(source, target, kernel.bound.next_up())?;
         let mut starts = memory::with_capacity(source.len() + 1)?;
         starts.push(0);
@@ -109,8 +111,8 @@ impl SecondOrderGraph {
         &self.weights
     }
 
-    /// For each pair, the sum over its common neighbours k of the products of the values of i-k and j-k. The values of
-    /// i-j and j-i are the same.
+    /// The sum over the common neighbours k of each pair i-j of the products of the values of i-k and j-k.
+    /// The values of i-j and j-i are the same.
     ///
     /// # Errors
     /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
@@ -137,9 +139,9 @@ impl SecondOrderGraph {
         Ok(sums)
     }
 
-    /// Copies what stands at i-j for i < j to j-i.
+    /// Copies the value of i-j, i < j, to j-i.
     fn mirror<S: Copy>(&self, values: &mut [S]) -> Result<()> {
-        let mut next = memory::copied(&self.starts)?; // of each vertex, its first neighbour whose copy is missing
+        let mut next = memory::copied(&self.starts)?; // for each vertex, its first neighbour without a copy
         for i in 0..self.len() {
             for at in self.starts[i]..self.starts[i + 1] {
                 let j = self.neighbors[at] as usize;
@@ -153,9 +155,9 @@ impl SecondOrderGraph {
     }
 }
 
-/// What stands at an edge when paths are summed.
+/// Value of an edge in sums over paths.
 pub trait PathValue: Copy + Default + Send + Sync {
-    /// Sums of products.
+    /// Type of the sums of products.
     type Sum: Copy + Default + Send + std::iter::Sum;
 
     /// The product.
@@ -178,7 +180,7 @@ impl PathValue for f32 {
     }
 }
 
-/// The values of each vertex by themselves.
+/// The values of each vertex as separate slices.
 fn parts<'a, T>(values: &'a mut [T], starts: &[usize]) -> Result<Vec<&'a mut [T]>> {
     let mut rest = values;
     let mut parts = memory::with_capacity(starts.len())?;

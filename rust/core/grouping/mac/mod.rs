@@ -1,17 +1,18 @@
-//! MAC: the best of the motions that maximal cliques of agreeing correspondences propose.
+//! MAC: the best of the motions proposed by maximal cliques of agreeing correspondences.
 //!
 //! Zhang et al., *3D Registration with Maximal Cliques*, CVPR 2023; Yang et al., TPAMI 2024.
 //!
-//! 1. The weight of a pair, `w_ij = 1 - (1 - w_min) (d_ij / d_max)^2` with `d_ij = |ds - dt|`, where `d_ij <= d_max`, else 0: the
-//!    source's `1 - d_ij^2 / d_cmp^2`, cut at `w_min`.
-//! 2. Its second order, `W_ij = w_ij sum_k w_ik w_jk`: how well the common neighbours agree with both.
+//! 1. The weight of a pair, `w_ij = 1 - (1 - w_min) (d_ij / d_max)^2` with `d_ij = |ds - dt|`, if
+//!    `d_ij <= d_max`, else 0: the original's `1 - d_ij^2 / d_cmp^2`, cut at `w_min`.
+//! 2. Its second order, `W_ij = w_ij sum_k w_ik w_jk`: agreement of the common neighbours with both.
 //! 3. A dense graph is reduced to the vertices whose neighbours agree best with each other.
-//! 4. All maximal cliques; the weight of a clique is the sum of W over its pairs, and each vertex keeps its heaviest.
-//! 5. The least-squares motion of each clique that was kept is a hypothesis; the best has the greatest sum of
+//! 4. All maximal cliques; the weight of a clique is the sum of W over its pairs, and each vertex keeps its
+//!    heaviest.
+//! 5. The least-squares motion of each kept clique is a hypothesis; the best has the greatest sum of
 //!    `1 - r_i / tolerance` over residuals `r_i` below the tolerance. It is refined.
 //!
-//! Memory 14 bytes for each direction of a pair that agrees. Cost O(n^2) tests of pairs, the sum of squared degrees for W,
-//! and the search for cliques, which is bounded by their number.
+//! Memory 14 bytes for each direction of an agreeing pair. Cost O(n^2) tests of pairs, the sum of squared
+//! degrees for W, and the search for cliques, which is bounded by their number.
 
 mod graph;
 mod neighborhood;
@@ -37,7 +38,8 @@ use graph::{BYTES_PER_NEIGHBOR, Kernel, SecondOrderGraph};
 use search::Search;
 use walk::Clique;
 
-/// Most paths of two edges: W takes as many steps. Where there are more, the vertices of the least degree are left out.
+/// Most paths of two edges, and so most steps of computing W. If there are more, the vertices of the least
+/// degree are removed.
 const MOST_PATHS: f64 = (1_u64 << 30) as f64;
 
 method! {
@@ -45,16 +47,16 @@ method! {
     pub struct MaximalCliques = "mac", ["source", "target"], optional ["resolution"], {
         /// Residuals below this length belong to the group; default `5 * resolution`.
         pub tolerance: Option<f64> = None;
-        /// Greatest distance difference of two that agree, a length; default `tolerance / 5`.
+        /// Greatest distance difference of agreeing correspondences, a length; default `tolerance / 5`.
         pub max_distance_difference: Option<f64> = None;
-        /// Weight of two that differ by `max_distance_difference`, less than 1.
+        /// Weight of correspondences that differ by `max_distance_difference`, less than 1.
         pub min_weight: f64 = 0.99, BELOW_ONE;
-        /// Least members of a clique, 3 or more.
+        /// Least number of members of a clique, 3 or more.
         pub min_clique_size: usize = 3, at_least(3);
-        /// Most ends of the search: maximal cliques, and dead ends. Every vertex at which it starts gets an equal share, at
-        /// least one, of what those before it left.
+        /// Most results of the search: maximal cliques and dead ends. Every start vertex gets an equal share
+        /// of those left by the vertices before it, at least one.
         pub max_cliques: usize = 1_000_000, ROUNDS;
-        /// Number of cliques that propose a motion, the heaviest; by default all.
+        /// Number of heaviest cliques that propose a motion; by default all.
         pub max_hypotheses: Option<usize> = None;
         /// Refine the best motion by weighted least squares over the group, up to 20 times.
         pub refine: bool = true;
@@ -101,13 +103,13 @@ impl MaximalCliques {
     }
 }
 
-/// The vertices of the highest degrees, ties to the lowest index, as many as there are time and memory for; ascending.
+/// The vertices of the highest degrees, ties to the lowest index, limited by time and memory; ascending.
 fn affordable(source: &Points, target: &Points, bound: f64, execution: &Execution) -> Result<Vec<usize>> {
     let degrees = DistanceAgreement::new(source, target, bound.next_up())?.counts(execution)?;
     let degrees = memory::collect(degrees.into_iter().map(f64::from))?;
     let mut vertices = largest(&degrees, degrees.len())?;
     let fits = |&most: &usize| {
-        // Among so many no degree is greater.
+        // No degree in the subset is greater.
         let left = vertices[..most].iter().map(|&i| degrees[i].min(most as f64));
         let (neighbors, paths) = left.fold((0.0, 0.0), |(sum, squares), d| (sum + d, squares + d * d));
         paths <= MOST_PATHS && neighbors * BYTES_PER_NEIGHBOR <= execution.max_memory as f64
@@ -119,7 +121,7 @@ fn affordable(source: &Points, target: &Points, bound: f64, execution: &Executio
     Ok(vertices)
 }
 
-/// The points of the vertices; where these are all, the same bits.
+/// The points of the vertices; unchanged if these are all.
 fn only<'a>(points: &'a Points, vertices: &[usize]) -> Result<Cow<'a, Points>> {
     if vertices.len() == points.len() {
         return Ok(Cow::Borrowed(points));
@@ -127,7 +129,7 @@ fn only<'a>(points: &'a Points, vertices: &[usize]) -> Result<Cow<'a, Points>> {
     points.subset(vertices).map(Cow::Owned)
 }
 
-/// `None` where the points leave a rotation open.
+/// The motion of a clique; `None` if the points do not determine the rotation.
 fn pose_of(clique: &Clique, vertices: &[usize], source: &Points, target: &Points) -> Result<Option<Rigid>> {
     fit_rows(source, target, clique.members.iter().map(|&i| vertices[i as usize]))
 }

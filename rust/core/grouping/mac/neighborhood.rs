@@ -1,19 +1,19 @@
-//! The neighbours of one vertex as a small graph of bit rows: what the search from that vertex sees.
+//! The neighbours of one vertex as a small graph of bit rows, for the search from that vertex.
 
 use super::graph::SecondOrderGraph;
 use crate::error::Result;
 use crate::memory;
 
-/// The rank of a vertex that does not take part.
+/// Rank of a vertex that is not searched.
 pub const NOWHERE: u32 = u32::MAX;
 
-/// Vertices in a word.
+/// Vertices per word.
 const WORD: usize = u64::BITS as usize;
 
-/// Working space: of each vertex its number in the small graph.
+/// Working space: the index of each vertex in the small graph.
 pub type Scratch = Vec<u32>;
 
-/// The neighbours of a vertex that take part, and the weights between them.
+/// The searched neighbours of a vertex, with their weights.
 pub fn neighbors<'a>(
     graph: &'a SecondOrderGraph,
     ranks: &'a [u32],
@@ -24,28 +24,28 @@ pub fn neighbors<'a>(
     all.filter(|&(j, weight)| weight > 0 && ranks[j as usize] != NOWHERE)
 }
 
-/// The small graph. The neighbours of higher rank are the candidates; those of lower rank only tell whether a clique
-/// is maximal. Both ascend.
+/// The small graph. The neighbours of higher rank (later ones) are the candidates; those of lower rank
+/// (earlier ones) only decide whether a clique is maximal. Both are ascending.
 #[derive(Debug)]
 pub struct Neighborhood {
     /// The vertex itself.
     pub center: u32,
-    /// Neighbours of higher rank, by their numbers in the graph.
+    /// Neighbours of higher rank, by their indices in the large graph.
     pub later: Vec<u32>,
-    /// How many neighbours are of lower rank.
+    /// Number of neighbours of lower rank.
     pub earlier: usize,
-    /// A row of bits for each later one, then for each earlier one: which later ones it is joined with.
+    /// A row of bits for each later neighbour, then for each earlier one: the later ones connected to it.
     joined: Vec<u64>,
-    /// A row of bits for each later one: which earlier ones it is joined with.
+    /// A row of bits for each later neighbour: the earlier ones connected to it.
     joined_earlier: Vec<u64>,
-    /// Weights between the vertex and each later one.
+    /// Weights between the vertex and each later neighbour.
     to_center: Vec<u32>,
-    /// Weights between later ones, row by row.
+    /// Weights between later neighbours, by rows.
     weights: Vec<u32>,
 }
 
 impl Neighborhood {
-    /// Of a vertex.
+    /// The small graph of a vertex.
     ///
     /// # Errors
     /// [`crate::Error::OutOfMemory`].
@@ -80,7 +80,7 @@ impl Neighborhood {
         Ok(Self { later, ..hood })
     }
 
-    /// Joins a later one with another neighbour, where `later` of all are later ones.
+    /// Connects a later neighbour to another neighbour; the first `later` neighbours are later ones.
     fn join(&mut self, a: usize, b: usize, weight: u32, later: usize) {
         let words = later.div_ceil(WORD);
         if b < later {
@@ -94,21 +94,21 @@ impl Neighborhood {
         }
     }
 
-    /// Which later ones a neighbour is joined with.
+    /// The later neighbours connected to a neighbour.
     #[inline]
     pub fn joined(&self, a: usize) -> &[u64] {
         let words = self.later.len().div_ceil(WORD);
         &self.joined[a * words..(a + 1) * words]
     }
 
-    /// Which earlier ones a later one is joined with.
+    /// The earlier neighbours connected to a later one.
     #[inline]
     pub fn joined_earlier(&self, a: usize) -> &[u64] {
         let words = self.earlier.div_ceil(WORD);
         &self.joined_earlier[a * words..(a + 1) * words]
     }
 
-    /// What a later one adds to the weight of a clique of the vertex and `members`.
+    /// Increase of the weight of the clique of the vertex and `members` by another later neighbour.
     pub fn gain(&self, a: usize, members: &[usize]) -> u64 {
         let row = &self.weights[a * self.later.len()..(a + 1) * self.later.len()];
         u64::from(self.to_center[a]) + members.iter().map(|&b| u64::from(row[b])).sum::<u64>()

@@ -1,4 +1,4 @@
-//! Reduction of a dense graph to the vertices whose neighbours agree well with each other.
+//! Reduction of a dense graph to the vertices whose neighbours agree with each other.
 
 use rayon::prelude::*;
 
@@ -8,17 +8,18 @@ use crate::execution::Execution;
 use crate::memory;
 use crate::selection::otsu::{DEFAULT_BINS, OtsuMode, otsu};
 
-/// A graph is dense where none of the three cuts on its coefficients is lower.
+/// A graph is dense if none of the three cuts on its coefficients is lower.
 const DENSE: f64 = 3.0;
 
-/// A graph of no more vertices is not reduced, and no graph to fewer.
+/// A graph of at most this many vertices is not reduced, and no graph is reduced to fewer.
 const LEAST_VERTICES: usize = 50;
 
-/// The limit starts at ten times the greater cut, and falls in steps of a twentieth of it until enough vertices reach it.
+/// The limit starts at ten times the greater cut, and falls in steps of a twentieth of it until enough
+/// vertices reach it.
 const FIRST_STEP: u32 = 10 * STEPS;
 const STEPS: u32 = 20;
 
-/// The vertices whose cliques are sought, ascending; all where the graph is not dense.
+/// The vertices searched for cliques, ascending; all if the graph is not dense.
 ///
 /// # Errors
 /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
@@ -29,7 +30,7 @@ pub fn dense_part(graph: &SecondOrderGraph, execution: &Execution) -> Result<Vec
     }
     let Coefficients { of_vertices, pooled } = coefficients(graph, execution)?;
     let cut = otsu(&of_vertices, OtsuMode::Legacy, DEFAULT_BINS)?.threshold;
-    let otsu = cut.unwrap_or(of_vertices[0]); // all are equal where there is none
+    let otsu = cut.unwrap_or(of_vertices[0]); // all are equal if there is no cut
     let mean = of_vertices.iter().sum::<f64>() / of_vertices.len() as f64;
     if otsu.min(mean).min(pooled) <= DENSE {
         return memory::collect(all);
@@ -38,7 +39,7 @@ pub fn dense_part(graph: &SecondOrderGraph, execution: &Execution) -> Result<Vec
     memory::collect(all.filter(|&i| of_vertices[i as usize] >= limit))
 }
 
-/// The greatest multiple of the cut, in steps, that as many vertices reach as are wanted.
+/// The greatest multiple of the cut, in steps, that enough vertices reach.
 fn limit(coefficients: &[f64], cut: f64) -> Result<f64> {
     let mut descending = memory::copied(coefficients)?;
     descending.sort_unstable_by(|a, b| b.total_cmp(a));
@@ -47,8 +48,8 @@ fn limit(coefficients: &[f64], cut: f64) -> Result<f64> {
     Ok(limits.find(|&limit| limit <= reached).unwrap_or_default())
 }
 
-/// How well the neighbours of each vertex agree with each other, and the same over all pairs of neighbours. In f32, so that
-/// numbers that differ by the rounding of sums alone are equal.
+/// Agreement of the neighbours of each vertex with each other, and over all pairs of neighbours. In f32, so
+/// that numbers that differ by the rounding of sums are equal.
 struct Coefficients {
     of_vertices: Vec<f64>,
     pooled: f64,
@@ -89,7 +90,7 @@ mod tests {
     use crate::grouping::mac::graph::Kernel;
     use crate::points::Points;
 
-    /// `right` points move by one motion; the others go anywhere.
+    /// `right` points follow one motion; the others move randomly.
     fn graph(n: usize, right: usize) -> Result<SecondOrderGraph> {
         let place = |i: usize, k: f64| [1.1, 2.3, 3.7].map(|f| 50.0 * (i as f64 * f * k + k).sin());
         let source: Vec<[f64; 3]> = (0..n).map(|i| place(i, 1.0)).collect();

@@ -1,9 +1,10 @@
 //! The heaviest maximal clique of each vertex, by the search for all of them.
 //!
-//! Bron and Kerbosch's search (CACM 1973) with pivots (Tomita et al., 2006) from each vertex: the cliques of it and of vertices
-//! later in an order, which no earlier one would extend (Eppstein et al., 2010). The order is that of degrees: no vertex of E
-//! pairs has more than sqrt(2 E) later neighbours, and it costs less than degeneracy order. The search from a vertex
-//! knows nothing of the others, and so the result is the same on any number of threads, also where it is cut short.
+//! Bron and Kerbosch's search (CACM 1973) with pivots (Tomita et al., 2006) from each vertex: the cliques of
+//! it and of vertices later in an order that no earlier one extends (Eppstein et al., 2010). The order is
+//! that of degrees: no vertex of E pairs has more than sqrt(2 E) later neighbours, and it is cheaper than
+//! degeneracy order. The searches from the vertices are independent, so the result is the same on any number
+//! of threads, even if a search is cut short.
 
 use std::sync::Arc;
 
@@ -16,27 +17,27 @@ use crate::error::Result;
 use crate::execution::Execution;
 use crate::memory;
 
-/// What is searched for, and for how long.
+/// Limits of the search.
 #[derive(Debug, Clone, Copy)]
 pub struct Search {
-    /// Least members of a clique.
+    /// Least number of members of a clique.
     pub min_size: usize,
-    /// Ends of the search, maximal cliques or dead ends.
+    /// Most results of the search, maximal cliques or dead ends.
     pub max_ends: usize,
 }
 
-/// Of each vertex the heaviest clique that was found with it.
+/// The heaviest clique found with each vertex.
 #[derive(Debug)]
 pub struct Heaviest {
     of_vertices: Vec<Option<Arc<Clique>>>,
     /// Number of cliques found.
     pub cliques: usize,
-    /// Whether there may be others.
+    /// Whether the search may have missed cliques.
     pub cut_short: bool,
 }
 
 impl Heaviest {
-    /// Cliques that are some vertex's heaviest, each once, the heaviest first, and no more than `most`.
+    /// The distinct heaviest cliques of the vertices, the heaviest first, at most `most`.
     ///
     /// # Errors
     /// [`crate::Error::OutOfMemory`].
@@ -49,7 +50,7 @@ impl Heaviest {
         Ok(cliques)
     }
 
-    /// Of each vertex the weight of its heaviest clique, 0 where it is in none.
+    /// Weight of each vertex' heaviest clique, 0 if it is in none.
     pub fn weights(&self) -> impl Iterator<Item = f64> + '_ {
         let unit = f64::from(1_u32 << SECOND_ORDER_BITS);
         self.of_vertices
@@ -65,11 +66,12 @@ impl Heaviest {
     }
 }
 
-/// Vertices that are searched from with the same share of the ends. Those of low degrees, which come first, leave most of theirs.
+/// Start vertices that share an equal part of the results. Vertices of low degree, which come first, leave
+/// most of theirs.
 const BLOCK: usize = 32;
 
 impl Search {
-    /// Of each vertex the heaviest of the maximal cliques among `vertices`, which ascend.
+    /// The heaviest maximal clique of each vertex among `vertices`, which are ascending.
     ///
     /// # Errors
     /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
@@ -111,7 +113,7 @@ impl Search {
     }
 }
 
-/// The place of each of the vertices among them by degree, ties to the lowest index; `NOWHERE` for others.
+/// The rank of each of the vertices by degree, ties to the lowest index; `NOWHERE` for others.
 fn ranks_by_degree(graph: &SecondOrderGraph, vertices: &[u32]) -> Result<Vec<u32>> {
     let mut ranks = memory::filled(NOWHERE, graph.len())?;
     vertices.iter().for_each(|&i| ranks[i as usize] = 0);
@@ -129,7 +131,7 @@ mod tests {
     use crate::grouping::mac::graph::Kernel;
     use crate::points::Points;
 
-    /// Points that move by one motion, by another one, and anywhere, a third each.
+    /// A third of the points follow one motion, a third another, the rest move randomly.
     fn graph(n: usize) -> Result<SecondOrderGraph> {
         let place = |i: usize, k: f64| [1.1, 2.3, 3.7].map(|f| 3.0 * (i as f64 * f * k + k).sin());
         let source: Vec<[f64; 3]> = (0..n).map(|i| place(i, 1.0)).collect();
@@ -149,13 +151,13 @@ mod tests {
         Search { min_size: 3, max_ends }.heaviest_cliques(graph, &vertices, execution)
     }
 
-    /// The weight of a pair, 0 where it doesn't agree.
+    /// The weight of a pair, 0 if it does not agree.
     fn weight(graph: &SecondOrderGraph, i: u32, j: u32) -> u64 {
         let (neighbors, weights) = graph.row(i as usize);
         neighbors.binary_search(&j).map_or(0, |at| u64::from(weights[at]))
     }
 
-    /// All maximal cliques, by growing each by each vertex in turn.
+    /// All maximal cliques, by extending each by each vertex in turn.
     fn all_cliques(graph: &SecondOrderGraph) -> Vec<Vec<u32>> {
         let joins = |clique: &[u32], k: u32| clique.iter().all(|&i| weight(graph, i, k) > 0);
         let vertices = 0..graph.len() as u32;

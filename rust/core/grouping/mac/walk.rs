@@ -19,33 +19,33 @@ pub struct Clique {
 }
 
 impl Clique {
-    /// The heavier one first; of equals the one whose members come first.
+    /// Sort key: the heavier clique first; of equal ones the one with the lower members.
     pub fn rank(&self) -> (Reverse<u64>, &[u32]) {
         (Reverse(self.weight), &self.members)
     }
 }
 
-/// Sets of neighbours of a vertex that are joined with all members of a clique.
+/// Sets of neighbours of a vertex that are connected to all members of a clique.
 #[derive(Debug, Clone, Default)]
 struct Sets {
-    /// Later ones that may come next.
+    /// Later neighbours that may be added next.
     candidates: Vec<u64>,
-    /// Later ones whose cliques were found before.
+    /// Later neighbours whose cliques are already found.
     done: Vec<u64>,
-    /// Earlier ones.
+    /// Earlier neighbours.
     earlier: Vec<u64>,
 }
 
-/// What a search found.
+/// Result of a search.
 #[derive(Debug, Clone, Default)]
 pub struct Walked {
-    /// Maximal cliques of enough members.
+    /// Number of maximal cliques with enough members.
     pub cliques: usize,
-    /// Maximal cliques and dead ends.
+    /// Number of maximal cliques and dead ends.
     pub ends: usize,
-    /// Whether there is nothing else.
+    /// Whether the search is complete.
     pub finished: bool,
-    /// Vertices, each with the heaviest clique that was found with it.
+    /// Vertices, each with the heaviest clique found with it.
     pub heaviest: Vec<(u32, Arc<Clique>)>,
 }
 
@@ -55,17 +55,18 @@ pub struct Walk<'a> {
     min_size: usize,
     max_ends: usize,
     execution: &'a Execution,
-    /// Later ones that make a clique with the vertex.
+    /// Later neighbours that form a clique with the vertex.
     members: Vec<usize>,
-    /// Of each later one, and then of the vertex, the heaviest clique.
+    /// The heaviest clique of each later neighbour, and then of the vertex.
     heaviest: Vec<Option<Arc<Clique>>>,
     walked: Walked,
-    /// Sets that are not in use.
+    /// Unused sets for reuse.
     spare: Vec<Sets>,
 }
 
 impl<'a> Walk<'a> {
-    /// From the centre of a neighbourhood, for cliques of at least `min_size`, to `max_ends` ends.
+    /// A search from the centre of a neighbourhood, for cliques of at least `min_size` members, for at most
+    /// `max_ends` results.
     ///
     /// # Errors
     /// [`crate::Error::OutOfMemory`].
@@ -87,7 +88,7 @@ impl<'a> Walk<'a> {
         })
     }
 
-    /// Searches.
+    /// Runs the search.
     ///
     /// # Errors
     /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
@@ -103,7 +104,7 @@ impl<'a> Walk<'a> {
         Ok(Walked { heaviest: memory::collect(found)?, ..self.walked })
     }
 
-    /// Finds the cliques that consist of the members and of candidates; whether it found all of them.
+    /// Finds the cliques of the members and of candidates; returns whether it found all of them.
     fn extend(&mut self, mut sets: Sets, weight: u64) -> Result<bool> {
         self.execution.check()?;
         if self.walked.ends >= self.max_ends || self.execution.is_stopped() {
@@ -141,8 +142,8 @@ impl<'a> Walk<'a> {
         Ok(true)
     }
 
-    /// The neighbour that is joined with the most candidates, of those that are joined with all members; ties to the first,
-    /// later ones before earlier ones.
+    /// The neighbour connected to the most candidates, among those connected to all members; ties to the
+    /// first, later neighbours before earlier ones.
     fn pivot(&self, sets: &Sets) -> Result<Option<usize>> {
         let later = memory::collect(sets.candidates.iter().zip(&sets.done).map(|(a, b)| a | b))?;
         let earlier = indices(&sets.earlier).map(|b| self.hood.later.len() + b as usize);
@@ -156,7 +157,7 @@ impl<'a> Walk<'a> {
         Ok(best.map(|(_, a)| a))
     }
 
-    /// Those of the sets that are joined with one more member.
+    /// The sets restricted to neighbours of one more member.
     fn narrowed(&mut self, sets: &Sets, a: usize) -> Result<Sets> {
         let mut narrowed = self.spare.pop().unwrap_or_default();
         let fill = |to: &mut Vec<u64>, from: &[u64], row: &[u64]| {
@@ -171,7 +172,7 @@ impl<'a> Walk<'a> {
         Ok(narrowed)
     }
 
-    /// Keeps the clique of the vertex and the members, where it is the heaviest of one of them.
+    /// Records the clique of the vertex and the members for those of them whose heaviest it is.
     fn report(&mut self, weight: u64) -> Result<()> {
         if self.members.len() + 1 < self.min_size {
             return Ok(());

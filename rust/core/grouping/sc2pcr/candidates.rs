@@ -1,9 +1,10 @@
-//! The choice of SC2-PCR++ among poses: by the points that the matched ones may have been matched with instead.
+//! SC2-PCR++'s selection among poses, by alternative target points of the source points.
 //!
-//! Chen, Sun, Yang, Guo, Tao, *SC^2-PCR++: Rethinking the Generation and Selection for Efficient and Robust Point Cloud
-//! Registration*, TPAMI 2023. Each of the poses with the most inliers is refined by one round. Where it lays a source point
-//! near one of its candidates, the first of those that are not far is its partner; the pose scores how many of these
-//! pairs keep their distance to one of them.
+//! Chen, Sun, Yang, Guo, Tao, *SC^2-PCR++: Rethinking the Generation and Selection for Efficient and Robust
+//! Point Cloud Registration*, TPAMI 2023. Each of the poses with the most inliers is refined by one
+//! iteration. If it moves a source point near one of its candidates, the first candidate that is not far is
+//! its match. The score of the pose is the greatest number of these pairs that agree in distance with one of
+//! them.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -19,13 +20,13 @@ use crate::geometry::rigid::Rigid;
 use crate::selection::top_k::largest;
 use crate::{Execution, Points, Result, memory};
 
-/// Poses that are looked at, those with the most inliers.
+/// Number of poses scored, those with the most inliers.
 const MOST_POSES: usize = 50;
 
-/// Partners are nearer than this many tolerances.
+/// Matches are nearer than this many tolerances.
 const NOT_FAR: f64 = 1.5;
 
-/// Source points, and for each as many target points, the likeliest first.
+/// Source points, and the same number of candidate target points for each, the likeliest first.
 pub(super) struct Candidates<'a> {
     pub(super) source: &'a Points,
     pub(super) target: &'a Points,
@@ -36,7 +37,8 @@ pub(super) struct Candidates<'a> {
 }
 
 impl Candidates<'_> {
-    /// The best pose, refined by one round; the first of equal ones, `None` where none lays a point near a candidate.
+    /// The best pose, refined by one iteration; the first of equal ones, `None` if none moves a point near a
+    /// candidate.
     pub(super) fn best_pose(&self, poses: &[Rigid], execution: &Execution) -> Result<Option<Rigid>> {
         let counts = count_inliers(poses, self.source, self.target, self.tolerance, execution)?;
         let ranked = largest(&memory::collect(counts.iter().map(|&count| count as f64))?, MOST_POSES)?;
@@ -53,8 +55,8 @@ impl Candidates<'_> {
         Ok(best.map(|best| refined[best]))
     }
 
-    /// The most pairs that keep their distance to one of them, itself among them; 0 where `greatest`, the score of
-    /// another pose, is more than there are pairs.
+    /// The greatest number of pairs, itself included, that agree in distance with one of them; 0 if
+    /// `greatest`, the score of another pose, exceeds the number of pairs.
     fn score(&self, pose: &Rigid, greatest: &AtomicUsize, execution: &Execution) -> Result<usize> {
         let (mut rows, mut partners) = (Vec::new(), Vec::new());
         for i in 0..self.source.len() {
@@ -81,9 +83,9 @@ impl Candidates<'_> {
         Ok(most)
     }
 
-    /// The first candidate of a source point that is not far from where the pose lays it, if any is near.
+    /// The first candidate of a source point that is not far from the moved point, if any candidate is near.
     fn partner(&self, i: usize, pose: &Rigid) -> Option<usize> {
-        // The candidates have a centre of their own.
+        // The candidates are centred separately.
         let shift = self.target.center() - self.points.center();
         let place: Point3<f64> = pose.apply(&self.source.get(i)) + shift;
         let each = self.points.len() / self.source.len();

@@ -23,11 +23,11 @@ pub(super) struct ConsensusSets<'a> {
     tight: AgreementGraph,
 }
 
-/// Of one thread.
+/// Working space of one thread.
 pub(super) struct Working {
     row: Vec<u64>,
     unsure: Vec<u64>,
-    /// Common tight-compatible ones, and the index.
+    /// Number of common tight-compatible correspondences, and the index.
     counts: Vec<(Reverse<u32>, u32)>,
 }
 
@@ -51,14 +51,15 @@ impl<'a> ConsensusSets<'a> {
         Ok(Working { row, unsure, counts: Vec::new() })
     }
 
-    /// The pose of the seed's set, between the centred points; `None` where the set leaves a rotation open.
+    /// The pose of the seed's set, between the centred points; `None` if the set does not determine the
+    /// rotation.
     pub(super) fn pose(&self, seed: usize, working: &mut Working) -> Result<Option<Rigid>> {
         let members = self.most_compatible(seed, working)?;
         let members = self.most_connected(&members)?;
         self.fit(&members)
     }
 
-    /// First stage: the seed and those with the greatest second-order compatibility with it.
+    /// First stage: the seed and the correspondences with the greatest second-order compatibility with it.
     fn most_compatible(&self, seed: usize, working: &mut Working) -> Result<Vec<u32>> {
         self.hard.fill_row(seed, &mut working.row, &mut working.unsure);
         let Working { row, counts, .. } = &mut *working;
@@ -73,7 +74,8 @@ impl<'a> ConsensusSets<'a> {
         memory::collect(std::iter::once(seed as u32).chain(best.iter().map(|&(_, j)| j)))
     }
 
-    /// Second stage: those with the greatest second-order compatibility with the first one within the set.
+    /// Second stage: the correspondences with the greatest second-order compatibility with the first one
+    /// within the set.
     fn most_connected(&self, members: &[u32]) -> Result<Vec<u32>> {
         let differences = self.differences(members)?;
         let hard = memory::collect(differences.iter().map(|&d| d < self.max_distance_difference))?;
@@ -87,7 +89,7 @@ impl<'a> ConsensusSets<'a> {
         memory::collect(best.iter().map(|&(_, place)| members[place as usize]))
     }
 
-    /// Weighted least squares.
+    /// Weighted least-squares pose.
     fn fit(&self, members: &[u32]) -> Result<Option<Rigid>> {
         let weights = self.weights(members)?;
         let kept = || members.iter().zip(&weights).filter(|(_, weight)| **weight > 0.0);
@@ -97,7 +99,8 @@ impl<'a> ConsensusSets<'a> {
         Ok(fixes_rotation(&p, &q).then(|| fit_weighted(&p, &q, &weights)))
     }
 
-    /// The principal eigenvector of the soft compatibility with zeros on the diagonal; zeros where all of it is.
+    /// The principal eigenvector of the soft compatibility with zeros on the diagonal; zeros if all of it is
+    /// zero.
     fn weights(&self, members: &[u32]) -> Result<Vec<f64>> {
         let size = members.len();
         let mut soft = self.differences(members)?;
@@ -119,7 +122,7 @@ impl<'a> ConsensusSets<'a> {
         Ok(vector)
     }
 
-    /// `|ds - dt|` of all pairs of members, row after row.
+    /// `|ds - dt|` of all pairs of members, by rows.
     fn differences(&self, members: &[u32]) -> Result<Vec<f64>> {
         let size = members.len();
         let mut differences = memory::filled(0.0, size * size)?;

@@ -5,24 +5,24 @@
 //!
 //! 1. First-order compatibility: soft, `max(0, 1 - d^2 / D^2)`; hard, `d < D`; tight, `d < D / 2`.
 //! 2. Confidence: the principal eigenvector of the soft matrix, by ten power steps from equal entries.
-//! 3. Seeds: a share of the correspondences, first those with no more confident one near in the source, then the others,
-//!    each by confidence.
-//! 4. Second-order compatibility of a seed with those that it is hard-compatible with: how many are tight-compatible
-//!    with both. Each is compatible with itself.
-//! 5. Consensus set of a seed, in two stages: itself and the best of these, `k1` in all; then of them the `k2` best by
-//!    how many of the `k1` are hard-compatible with both the seed and it.
-//! 6. Pose of the set: weighted least squares, the weights being the principal eigenvector of its soft matrix with zeros
-//!    on the diagonal.
-//! 7. The pose with the most inliers wins, and is refined; the group are its inliers.
+//! 3. Seeds: a share of the correspondences, first the most confident ones within a radius in the source,
+//!    then the others, each by confidence.
+//! 4. Second-order compatibility of a seed with those that it is hard-compatible with: the number of
+//!    correspondences that are tight-compatible with both. Each is compatible with itself.
+//! 5. Consensus set of a seed, in two stages: itself and the best of these, `k1` in all; then of them the
+//!    `k2` best by the number of the `k1` that are hard-compatible with both the seed and it.
+//! 6. Pose of the set: weighted least squares, weighted by the principal eigenvector of its soft matrix with
+//!    zeros on the diagonal.
+//! 7. The pose with the most inliers wins, and is refined; the group is its inliers.
+//! With candidates, which are alternative target points of the source points, step 7 is that of SC2-PCR++
+//! (`candidates.rs`).
 //!
-//! With candidates, other points that the source points may be matched with, step 7 is that of SC2-PCR++ (`candidates.rs`).
-//!
-//! Only hard-compatible members are taken into a set; where they are fewer than `k1`, the published code fills it up with
+//! A set has hard-compatible members only; if they are fewer than `k1`, the published code pads it with
 //! arbitrary others.
 //!
-//! Cost O(n^2) per power step, and O(n^2) words of 64 pairs for a share of the pairs in step 4. Memory: the soft matrix
-//! takes n^2 bytes, or none where that is too much; the tight graph takes n^2 / 8, and where that is too much only the most
-//! confident correspondences are looked at.
+//! Cost O(n^2) per power step, and O(n^2) words of 64 pairs for a share of the pairs in step 4. Memory: the
+//! soft matrix uses n^2 bytes, or none if that is too much; the tight graph uses n^2 / 8, and if that is too
+//! much only the most confident correspondences are used.
 
 mod candidates;
 mod consensus_set;
@@ -48,12 +48,12 @@ method! {
         /// Residuals of inliers are below this length; default `5 * resolution`. Published: 0.1 m in rooms downsampled to 5
         /// cm, 0.6 m on streets downsampled to 30 cm (presets "3dmatch" and "kitti").
         pub tolerance: Option<f64> = None;
-        /// Bound on `|ds - dt|` of two that are compatible, a length; default `tolerance`.
+        /// Bound on `|ds - dt|` of compatible correspondences, a length; default `tolerance`.
         pub max_distance_difference: Option<f64> = None;
-        /// Share of the correspondences that are seeds; at least one is.
+        /// Share of the correspondences that are seeds; at least one.
         pub seed_ratio: f64 = 0.2, SHARE;
-        /// Seeds are first the most confident within this length in the source, then the others by confidence; default
-        /// `tolerance`.
+        /// Seeds are first the most confident correspondences within this length in the source, then the
+        /// others by confidence; default `tolerance`.
         pub nms_radius: Option<f64> = None;
         /// Members of a consensus set after its first stage.
         pub k1: usize = 30;
@@ -62,7 +62,7 @@ method! {
     }
 }
 
-/// The same with all lengths known.
+/// The parameters with all lengths known.
 struct Lengths {
     tolerance: f64,
     max_distance_difference: f64,
@@ -135,7 +135,7 @@ impl Sc2Pcr {
     }
 }
 
-/// Those whose graph fits into memory, ascending; `None` where all do.
+/// The most confident correspondences whose graph fits into memory, ascending; `None` if all do.
 fn most_confident(confidence: &[f64], most: usize) -> Result<Option<Vec<usize>>> {
     (most < confidence.len()).then(|| largest_in_order(confidence, most)).transpose()
 }

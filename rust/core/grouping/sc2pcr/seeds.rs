@@ -11,7 +11,8 @@ use crate::{Execution, Points, Result, memory};
 /// Power steps from equal entries: the published number.
 pub(super) const POWER_STEPS: usize = 10;
 
-/// Confidences are compared in units of this share of the greatest one: sums have no more digits, and equal ones tie.
+/// Confidences are compared in units of this share of the greatest one: sums have no more digits, so equal
+/// ones tie.
 const TIE: f64 = 1e-9;
 
 /// The principal eigenvector of the soft compatibility, of unit length.
@@ -34,8 +35,8 @@ pub(super) fn confidence(
     Ok(vector)
 }
 
-/// The `most` seeds: first those with no more confident one nearer than `radius` in the source, then the others, each by
-/// confidence; ties to the lowest index.
+/// The `most` seeds: first those without a more confident one nearer than `radius` in the source, then the
+/// others, each by confidence; ties to the lowest index.
 pub(super) fn seeds(
     source: &Points,
     confidence: &[f64],

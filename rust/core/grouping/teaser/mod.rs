@@ -1,16 +1,18 @@
-//! TEASER++: truncated least squares for scale, rotation and translation one after the other, among the correspondences
-//! that a graph of pairwise agreement leaves.
+//! TEASER++: truncated least squares for scale, rotation and translation in sequence, among the
+//! correspondences kept by a graph of pairwise agreement.
 //!
-//! Yang, Shi, Carlone, *TEASER: Fast and certifiable point cloud registration*, T-RO 2021. With noise of at most the
-//! tolerance beta on each point:
+//! Yang, Shi, Carlone, *TEASER: Fast and certifiable point cloud registration*, T-RO 2021. With noise of at
+//! most the tolerance beta on each point:
 //!
-//! 1. Unknown scale: s is the truncated mean of the ratios `dt / ds` of pairs, each within `2 beta / ds` (section V-A); the source is scaled.
-//! 2. Pairs are joined where `|ds - dt| < 2 beta` (section IV). What is kept is the maximum clique, or the vertices of the
-//!    greatest core number (Shi, Yang, Carlone, *ROBIN*, ICRA 2021; Lim et al., *KISS-Matcher*, ICRA 2025).
-//! 3. Rotation, from the differences of each kept point to the next, the last to the first: graduated non-convexity on
-//!    truncated least squares, bound `2 beta` (section VII).
-//! 4. Translation: the truncated mean of `p' - R p`, axis by axis, bound beta (section V-B).
-//! 5. The group: those kept whose `p' - R p` is within beta of the translation along each axis.
+//! 1. Unknown scale: s is the truncated mean of the ratios `dt / ds` of pairs, each within `2 beta / ds`
+//!    (section V-A); the source is scaled.
+//! 2. Pairs are connected if `|ds - dt| < 2 beta` (section IV). The maximum clique is kept, or the vertices
+//!    of the greatest core number (Shi, Yang, Carlone, *ROBIN*, ICRA 2021; Lim et al., *KISS-Matcher*, ICRA
+//!    2025).
+//! 3. Rotation, from the differences of each kept point to the next, and of the last to the first: graduated
+//!    non-convexity on truncated least squares, bound `2 beta` (section VII).
+//! 4. Translation: the truncated mean of `p' - R p` by axis, bound beta (section V-B).
+//! 5. The group: the kept ones with `p' - R p` within beta of the translation along each axis.
 //!
 //! Cost O(n^2) tests of pairs; the clique's search is exponential at worst, and bounded. Memory `n^2 / 8` bytes.
 
@@ -37,11 +39,11 @@ use truncated_mean::truncated_mean;
 
 pub use rotation::Freedom;
 
-/// A correspondence is not joined with itself or its equal, but with others of the same point.
+/// A correspondence is not connected to itself or its duplicate, but to others of the same point.
 const JOINED: EdgeLengths = EdgeLengths::SumAbove(0.0);
 
 words! {
-    /// What is kept of the graph.
+    /// The part of the graph that is kept.
     pub enum Prune {
         /// A maximum clique.
         Clique = Value::Word("clique"),
@@ -51,35 +53,35 @@ words! {
 }
 
 words! {
-    /// What is known of the scale.
+    /// Prior knowledge of the scale.
     pub enum Scale {
-        /// It is 1.
+        /// The scale is 1.
         Known = Value::Word("known"),
-        /// Nothing.
+        /// The scale is unknown.
         Estimate = Value::Word("estimate"),
     }
 }
 
-/// A smaller tolerance is taken to be this: its inverse square must be a number, and rounding hides it anyway.
+/// Lower bound of the tolerance: its inverse square must be finite, and rounding hides smaller ones.
 const LEAST_TOLERANCE: f64 = 1e-140;
 
 method! {
     /// Parameters of TEASER++.
     pub struct Teaser = "teaser", ["source", "target"], optional ["resolution"], {
-        /// Bound on the error of a right correspondence (beta), a length; default `2.5 * resolution`.
+        /// Bound on the error of a correct correspondence (beta), a length; default `2.5 * resolution`.
         pub tolerance: Option<f64> = None;
-        /// Bound on `|ds - dt|` of two that are joined, a length; default `2 * tolerance`.
+        /// Bound on `|ds - dt|` of connected correspondences, a length; default `2 * tolerance`.
         pub max_distance_difference: Option<f64> = None;
-        /// Keep a maximum clique (TEASER++), or all in the core of the greatest core number (KISS-Matcher), which takes
-        /// less time where the noise is large, and keeps more wrong ones.
+        /// Keep a maximum clique (TEASER++), or all in the core of the greatest core number (KISS-Matcher),
+        /// which is faster if the noise is large, and keeps more wrong ones.
         pub prune: Prune = Prune::default();
-        /// Degrees of freedom: 4 for a rotation about the z axis (Quatro, ICRA 2022); the z axes of both clouds point
-        /// against gravity then.
+        /// Degrees of freedom: 4 for a rotation about the z axis (Quatro, ICRA 2022); the z axes of both
+        /// clouds must then be vertical.
         pub dof: Freedom = Freedom::default();
-        /// Estimate a common factor of all lengths first, from `dt / ds` of all pairs. Above some 1,400 correspondences a
-        /// million pairs are taken.
+        /// Estimate a common factor of all lengths first, from `dt / ds` of all pairs. Above about 1,400
+        /// correspondences a million pairs are used.
         pub scale: Scale = Scale::default();
-        /// Most vertices that the search for a maximum clique may colour.
+        /// Most vertices coloured in the search for a maximum clique.
         pub max_steps: usize = 1_000_000, options::Kind::Rounds { least: 0 };
     }
 }
@@ -95,7 +97,7 @@ impl GroupingMethod for Teaser {
             Scale::Estimate => truncated_scale(source, target, 2.0 * bound, execution)?,
         };
         let Some(scale) = scale else {
-            // No two source points are apart.
+            // All source points coincide.
             return Ok(Grouping::empty(source.len())?.by(self.rule(bound, difference, 1.0)));
         };
         let scaled = source.scaled(scale)?;
@@ -130,7 +132,7 @@ impl Teaser {
         Rule::bounded(kind, bound).or_equal().agreeing(agreement)
     }
 
-    /// Section IV: what is left of the graph.
+    /// Section IV: the kept part of the graph.
     fn keep(&self, graph: &AgreementGraph, execution: &Execution) -> Result<Found> {
         let cores = Cores::of(graph, execution)?;
         if self.prune == Prune::Clique {
@@ -142,13 +144,14 @@ impl Teaser {
     }
 }
 
-/// A pose of the scaled source between the centred points, and those kept that hold for its translation.
+/// A pose of the scaled source between the centred points, and the kept ones that are inliers of its
+/// translation.
 struct Fit {
     pose: Rigid,
     members: Vec<usize>,
 }
 
-/// Rotation and translation of those kept; `None` where they fix none.
+/// Rotation and translation of the kept ones; `None` if they do not determine one.
 fn fit(kept: &[u32], source: &Points, target: &Points, bound: f64, freedom: Freedom) -> Result<Option<Fit>> {
     let of = |points: &Points| memory::collect(kept.iter().map(|&i| points.get(i as usize)));
     let (p, q) = (of(source)?, of(target)?);
@@ -167,7 +170,7 @@ fn fit(kept: &[u32], source: &Points, target: &Points, bound: f64, freedom: Free
     Ok(Some(Fit { pose: Rigid { rotation, translation }, members: memory::collect(members)? }))
 }
 
-/// Axis by axis.
+/// The truncated mean of each axis.
 fn truncated_translation(shifts: &[Vector3<f64>], bound: f64) -> Result<Option<Vector3<f64>>> {
     let bounds = memory::filled(bound, shifts.len())?;
     let along =
@@ -176,13 +179,13 @@ fn truncated_translation(shifts: &[Vector3<f64>], bound: f64) -> Result<Option<V
     Ok(x.zip(y).zip(z).map(|((x, y), z)| Vector3::new(x, y, z)))
 }
 
-/// From each point to the next, and from the last to the first: what no translation changes.
+/// Differences of each point to the next, and of the last to the first: invariant to translation.
 fn steps(points: &[Point3<f64>]) -> Result<Vec<Vector3<f64>>> {
     let next = points.iter().cycle().skip(1);
     memory::collect(points.iter().zip(next).map(|(point, next)| next - point))
 }
 
-/// The pose of the scaled source as a matrix of the source.
+/// The pose of the scaled source as a matrix for the source.
 fn model_of(pose: &Rigid, scale: f64, source: &Points, target: &Points) -> Matrix4<f64> {
     let linear = pose.rotation * scale;
     let shift = pose.translation + target.center() - linear * source.center();
@@ -196,7 +199,7 @@ fn model_of(pose: &Rigid, scale: f64, source: &Points, target: &Points) -> Matri
 mod tests {
     use super::*;
 
-    /// `right` points turned about z, scaled and shifted, then others that go anywhere.
+    /// `right` points rotated about z, scaled and shifted, then others moved randomly.
     fn problem(n: usize, right: usize, scale: f64) -> Result<Correspondences> {
         let place = |i: usize, k: f64| [1.1, 2.3, 3.7].map(|f| 100.0 * (i as f64 * f * k + k).sin());
         let source: Vec<[f64; 3]> = (0..n).map(|i| place(i, 1.0)).collect();

@@ -1,4 +1,4 @@
-//! Rotation between measurements that no translation changes: graduated non-convexity on truncated least squares
+//! Rotation from translation-invariant measurements: graduated non-convexity on truncated least squares
 //! (TEASER, section VII; Yang et al., *Graduated non-convexity for robust spatial perception*, RA-L 2020).
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
@@ -7,17 +7,18 @@ use crate::geometry::rigid::rotation_from_covariance;
 use crate::options::{Value, words};
 use crate::{Result, memory};
 
-/// Factor by which the cost's convexity falls from step to step, change of the cost in squared bounds that ends the
-/// steps, and their greatest number.
+/// Factor by which the cost's convexity falls per step, change of the cost in squared bounds at which the
+/// steps end, and most steps.
 const FACTOR: f64 = 1.4;
 const SETTLED: f64 = 1e-6;
 const MOST_STEPS: usize = 100;
 
-/// Measurements that spread less across their main direction than this share of their spread along it are on a line.
+/// Measurements are collinear if their spread across their main direction is below this share of that along
+/// it.
 const FLAT: f64 = 1e-9;
 
 words! {
-    /// Of which kind a rotation is.
+    /// Degrees of freedom of the motion.
     pub enum Freedom {
         /// Any rotation.
         Six = Value::Whole(6),
@@ -26,8 +27,8 @@ words! {
     }
 }
 
-/// The rotation R that most measurements hold for, `|q - R p| < bound`; nothing where none does, or where those that
-/// do are along one line.
+/// The rotation R with the most inliers, `|q - R p| < bound`; `None` without inliers, or if they are
+/// collinear.
 ///
 /// # Errors
 /// [`crate::Error::OutOfMemory`].
@@ -53,7 +54,7 @@ pub fn truncated_rotation(
             let greatest = squares.iter().copied().fold(0.0, f64::max);
             mu = 1.0 / (2.0 * greatest - 1.0);
             if mu <= 0.0 {
-                return Ok(Some(rotation)); // all hold
+                return Ok(Some(rotation)); // all are inliers
             }
         }
         let before = cost;
@@ -67,7 +68,7 @@ pub fn truncated_rotation(
     Ok(weights.iter().any(|&weight| weight >= 0.5).then_some(rotation))
 }
 
-/// Weight of a measurement by its squared residual, in squared bounds: 1 or 0 where that is clear.
+/// Weight of a measurement by its squared residual, in squared bounds: 1 or 0 outside the transition.
 fn weight_of(square: f64, mu: f64) -> f64 {
     if square >= (mu + 1.0) / mu {
         0.0
@@ -79,7 +80,7 @@ fn weight_of(square: f64, mu: f64) -> f64 {
 }
 
 impl Freedom {
-    /// The square of a residual; heights don't speak about a rotation around z.
+    /// The squared residual; heights do not constrain a rotation about z.
     fn square(self, residual: Vector3<f64>) -> f64 {
         match self {
             Self::Six => residual.norm_squared(),
@@ -88,7 +89,7 @@ impl Freedom {
     }
 }
 
-/// Nothing where the measurements do not fix a rotation.
+/// The least-squares rotation; `None` if the measurements do not determine one.
 fn least_squares(
     p: &[Vector3<f64>],
     q: &[Vector3<f64>],

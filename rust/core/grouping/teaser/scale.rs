@@ -6,19 +6,20 @@ use crate::execution::Execution;
 use crate::memory;
 use crate::points::Points;
 
-/// Ratios that are looked at: more say little more.
+/// Most ratios used: more add little evidence.
 const MOST_RATIOS: usize = 1_000_000;
 
-/// Bytes that a ratio takes: itself, its range, and two ends of an interval.
+/// Bytes per ratio: itself, its range, and two ends of an interval.
 const BYTES: usize = 48;
 
-/// The truncated mean of `dt / ds`, which holds within `bound / ds`, over all pairs; `None` where no two source points
-/// are apart.
+/// The truncated mean of `dt / ds`, with range `bound / ds`, over all pairs; `None` if all source points
+/// coincide.
 ///
-/// Of more than [`MOST_RATIOS`] pairs, those `(i, i + k mod n)` are taken whose k are spread evenly over half the rows.
+/// Of more than [`MOST_RATIOS`] pairs, those `(i, i + k mod n)` are used whose k are spread evenly over half
+/// the rows.
 ///
 /// # Errors
-/// [`Error::InvalidInput`] where the ratios do not fit `execution.max_memory`; [`Error::Interrupted`],
+/// [`Error::InvalidInput`] if the ratios do not fit `execution.max_memory`; [`Error::Interrupted`],
 /// [`Error::OutOfMemory`].
 pub fn truncated_scale(
     source: &Points,
@@ -38,7 +39,7 @@ pub fn truncated_scale(
     let (mut ratios, mut ranges) = (memory::with_capacity(most)?, memory::with_capacity(most)?);
     for offset in offsets {
         execution.check()?;
-        // Where the offset is half the rows, the second half says the same again.
+        // For an offset of half the rows, the second half repeats the first.
         let rows = if 2 * offset == n { offset } else { n };
         for i in 0..rows {
             let j = (i + offset) % n;
@@ -53,12 +54,12 @@ pub fn truncated_scale(
     Ok(truncated_mean(&ratios, &ranges)?.filter(|&scale| scale > 0.0))
 }
 
-/// Whether some pairs are left out.
+/// Whether some pairs are not used.
 pub fn leaves_out(n: usize) -> bool {
     n / 2 > most_offsets(n)
 }
 
-/// The k of the pairs `(i, i + k)`: each of 1 to n / 2, or as many of them as there may be.
+/// The k of the pairs `(i, i + k)`: each of 1 to n / 2, or an even selection of them.
 fn offsets(n: usize) -> Result<Vec<usize>> {
     let half = n / 2;
     let most = most_offsets(n);

@@ -4,8 +4,9 @@ use crate::{Result, memory};
 
 /// The value x that minimises the sum over k of `min((x - x_k)^2 / r_k^2, 1)`, with ranges `r_k > 0`.
 ///
-/// Each measurement holds on an interval `x_k -+ r_k`. Between two ends of intervals the set of those that hold is the
-/// same; the minimum is the weighted mean of one of these sets. Of several that cost the same the lowest is taken.
+/// Each measurement is an inlier on an interval `x_k -+ r_k`. Between two interval ends the set of inliers is
+/// constant; the minimum is the weighted mean of one of these sets. The lowest of several minima of equal
+/// cost is returned.
 ///
 /// # Errors
 /// [`crate::Error::OutOfMemory`].
@@ -27,17 +28,17 @@ pub fn truncated_mean(values: &[f64], ranges: &[f64]) -> Result<Option<f64>> {
     Ok(best.map(|(_, mean)| mean))
 }
 
-/// Costs that differ by less are the same: a member costs 1 at most.
+/// Tolerance for equal costs: a member costs 1 at most.
 const SAME_COST: f64 = 1e-9;
 
-/// Where an interval starts or ends.
+/// Start or end of an interval.
 struct Event {
     place: f64,
     starts: bool,
     index: u32,
 }
 
-/// Ascending; what starts at a place comes before what ends there.
+/// Events in ascending order; starts precede ends at the same place.
 fn events(values: &[f64], ranges: &[f64]) -> Result<Vec<Event>> {
     let ends = |(index, (value, range)): (u32, (&f64, &f64))| {
         [(value - range, true), (value + range, false)].map(|(place, starts)| Event { place, starts, index })
@@ -50,7 +51,7 @@ fn events(values: &[f64], ranges: &[f64]) -> Result<Vec<Event>> {
     Ok(events)
 }
 
-/// Weighted mean, and weighted sum of squared deviations, of a set that changes (Welford).
+/// Running weighted mean, and weighted sum of squared deviations, of a changing set (Welford).
 #[derive(Default)]
 struct Held {
     members: u32,
@@ -70,7 +71,7 @@ impl Held {
 
     fn leave_out(&mut self, value: f64, weight: f64) {
         if self.members <= 1 {
-            *self = Self::default(); // without the rounding of what is gone
+            *self = Self::default(); // without the rounding of removed members
             return;
         }
         let deviation = value - self.mean;
@@ -85,7 +86,7 @@ impl Held {
 mod tests {
     use super::*;
 
-    /// The least cost of the weighted mean of any set of neighbours in value.
+    /// The least cost of the weighted mean of any set of neighbours in value, by brute force.
     fn plain(values: &[f64], ranges: &[f64]) -> f64 {
         let cost = |x: f64| -> f64 {
             values.iter().zip(ranges).map(|(value, range)| ((x - value) / range).powi(2).min(1.0)).sum()
