@@ -5,22 +5,22 @@ use std::ops::Range;
 use crate::error::Result;
 use crate::memory;
 
-/// Points of a file in its order, and what it says of them.
+/// Contents of a file, with the points in its order.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct CloudContent {
-    /// Coordinates, as they stand there: some may be NaN or infinite.
+    /// Coordinates as stored: some may be NaN or infinite.
     pub points: Vec<[f64; 3]>,
     /// One per point.
     pub normals: Option<Vec<[f64; 3]>>,
-    /// Triangles, each three rows of `points`; polygons are cut into fans.
+    /// Triangles, each three rows of `points`; polygons are split into fans.
     pub faces: Option<Vec<[i64; 3]>>,
     /// Red, green, blue of each point.
     pub colors: Option<Vec<[u8; 3]>>,
-    /// Where the scanner stood, in the frame of the points.
+    /// Position of the scanner, in the frame of the points.
     pub viewpoint: Option<[f64; 3]>,
 }
 
-/// Places in a [`Row`].
+/// Columns of a [`Row`].
 pub(super) const POSITION: [usize; 3] = [0, 1, 2];
 pub(super) const NORMAL: [usize; 3] = [3, 4, 5];
 pub(super) const COLOR: [usize; 3] = [6, 7, 8];
@@ -28,19 +28,19 @@ pub(super) const COLOR: [usize; 3] = [6, 7, 8];
 /// Numbers of one point: position, normal, colour.
 pub(super) type Row = [f64; 9];
 
-/// Opacity from which a splat is taken to show a surface, as the logit that files hold: 0.1.
+/// Least opacity of a visible splat, as the stored logit: 0.1.
 const LEAST_OPACITY: f64 = -2.197_224_577_336_219_6;
 
-/// How the numbers of colours are meant.
+/// Scale of the colour numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum ColorScale {
     /// 0 to 255.
     Bytes,
-    /// Real numbers: 0 to 1, unless one is larger.
+    /// Real numbers: 0 to 1, unless one is greater.
     Reals,
 }
 
-/// Points as they are read, row by row.
+/// Points being read, by rows.
 pub(super) struct Points {
     content: CloudContent,
     reals: Option<Vec<[f64; 3]>>,
@@ -48,7 +48,7 @@ pub(super) struct Points {
 }
 
 impl Points {
-    /// Room for `count` points, with normals and colours or without.
+    /// Reserves room for `count` points, with or without normals and colours.
     pub fn with_capacity(count: usize, normals: bool, colors: Option<ColorScale>) -> Result<Self> {
         let points = memory::with_capacity(count)?;
         let normals = normals.then(|| memory::with_capacity(count)).transpose()?;
@@ -69,7 +69,7 @@ impl Points {
         Ok(())
     }
 
-    /// Adds so many points at the origin, and returns their rows.
+    /// Adds points at the origin, and returns their rows.
     pub fn grow(&mut self, more: usize) -> Result<Range<usize>> {
         let len = self.len();
         let rows = len..len + more;
@@ -83,7 +83,7 @@ impl Points {
         Ok(rows)
     }
 
-    /// What stands at a place of a [`Row`], for some rows; nothing where there is no such column.
+    /// A column of a [`Row`], for some rows; empty if there is no such column.
     pub fn column(&mut self, rows: Range<usize>, place: usize) -> impl Iterator<Item = &mut f64> {
         let triples = match place / 3 {
             0 => Some(&mut self.content.points),
@@ -99,7 +99,7 @@ impl Points {
         self.reals.as_mut().and_then(|colors| colors.get_mut(rows)).unwrap_or_default().iter_mut()
     }
 
-    /// Splats that can be seen: the others are at no place (NaN). Each has its opacity last in its normal's stead.
+    /// Makes transparent splats NaN points. The last normal column holds each splat's opacity.
     pub fn opaque(mut self) -> Self {
         let normals = self.content.normals.take().unwrap_or_default();
         for (point, [.., opacity]) in self.content.points.iter_mut().zip(normals) {
@@ -110,12 +110,12 @@ impl Points {
         self
     }
 
-    /// Number of points so far.
+    /// Number of points read.
     pub fn len(&self) -> usize {
         self.content.points.len()
     }
 
-    /// The cloud, with the triangles that go with it.
+    /// The cloud, with its triangles.
     pub fn finish(mut self, faces: Option<Vec<[i64; 3]>>) -> Result<CloudContent> {
         self.content.faces = faces;
         self.content.colors = self.reals.map(|reals| bytes_of(&reals, self.scale)).transpose()?;
@@ -123,10 +123,10 @@ impl Points {
     }
 }
 
-/// Colours in bytes; whole numbers are kept.
+/// Converts colours to bytes; integers are kept.
 pub(super) fn bytes_of(colors: &[[f64; 3]], scale: ColorScale) -> Result<Vec<[u8; 3]>> {
     let is_share = scale == ColorScale::Reals && colors.as_flattened().iter().all(|value| *value <= 1.0);
-    // A cast of what is out of range ends at the nearest byte.
+    // A cast of a number out of range gives the nearest byte.
     let byte = |value: f64| if is_share { (value * 255.0).round() as u8 } else { value as u8 };
     memory::collect(colors.iter().map(|color| color.map(byte)))
 }

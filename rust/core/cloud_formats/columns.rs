@@ -5,12 +5,12 @@ use super::scalar::{ByteOrder, Scalar};
 use crate::error::Result;
 use crate::execution::Execution;
 
-/// Rows that are read column by column, which stay in the cache; and between two looks for an interruption.
+/// Rows read column by column, so that they stay in the cache, between two checks for an interruption.
 const BLOCK: usize = 1 << 12;
 
-/// A number that every row has.
+/// A number of every row.
 pub(super) struct Column {
-    /// Place in the row of a point; None for a colour packed into four bytes.
+    /// Column in the row of a point; `None` for a colour packed into four bytes.
     pub to: Option<usize>,
     pub scalar: Scalar,
     /// First byte of the first row's number.
@@ -19,7 +19,7 @@ pub(super) struct Column {
     pub step: usize,
 }
 
-/// Adds `count` points whose numbers stand in columns of `bytes`; the caller has checked that they are there.
+/// Adds `count` points from columns of `bytes`, whose length the caller has checked.
 pub(super) fn read_columns(
     points: &mut Points,
     count: usize,
@@ -39,7 +39,7 @@ pub(super) fn read_columns(
                     points.column(block.clone(), to).zip(numbers).for_each(|(to, number)| *to = number);
                 }
                 None => points.colors(block.clone()).zip(numbers).for_each(|(color, packed)| {
-                    // As bits: such a number may be a NaN, which a conversion would change.
+                    // As bits: the number may be a NaN, which a conversion would change.
                     *color = unpacked(packed.first_chunk().map_or(0, |bits| u32::from_le_bytes(*bits)));
                 }),
             }

@@ -1,4 +1,4 @@
-//! Commas in rows of numbers: between numbers, or decimal ones where white space or semicolons separate.
+//! Commas in rows of numbers: separators, or decimal marks if white space or semicolons separate.
 
 use super::lines::{DECIMALS, Line, shown};
 use crate::error::{Error, Result};
@@ -8,8 +8,8 @@ const LONGEST: usize = 64;
 
 const AMBIGUOUS: &str = "its commas may be decimal ones, group digits or separate numbers; write decimal points, and digits without groups";
 
-/// How a text writes numbers: the first line with decimal commas, and the first with decimal points or commas between
-/// numbers.
+/// Number style of a text: the first line with decimal commas, and the first with decimal points or
+/// separating commas.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Commas {
     decimal: Option<usize>,
@@ -17,7 +17,7 @@ pub(super) struct Commas {
 }
 
 impl Commas {
-    /// Whether the commas of a row are decimal ones; refused where that is not clear.
+    /// Whether the commas of a row are decimal marks; an error if this is ambiguous.
     pub fn are_decimal(&mut self, line: &Line) -> Result<bool> {
         let text = line.text().trim_ascii();
         if !text.contains(&b',') {
@@ -31,7 +31,7 @@ impl Commas {
         Ok(is_decimal)
     }
 
-    /// The number of a field that other separators than commas end.
+    /// The number of a field, which is separated by other characters than commas.
     pub fn number_of(&mut self, line: &Line, field: &[u8]) -> Result<f64> {
         match Part::of(field) {
             Part::Decimal => self.note(line, true)?,
@@ -59,7 +59,7 @@ impl Commas {
     }
 }
 
-/// Whether the commas of a row are decimal ones; None where that is not clear.
+/// Whether the commas of a row are decimal marks; `None` if this is ambiguous.
 fn are_decimal(row: &[u8]) -> Option<bool> {
     let mut parts =
         row.split(|byte| DECIMALS[usize::from(*byte)]).filter(|part| !part.is_empty()).map(Part::of);
@@ -78,7 +78,7 @@ fn are_decimal(row: &[u8]) -> Option<bool> {
     (!(decimals && others)).then_some(decimals)
 }
 
-/// Whether every second whole number of a row looks like the digits behind a decimal comma: one begins with zeros.
+/// Whether every second integer of a row may be the digits after a decimal comma: one begins with zeros.
 fn has_fractions(row: &[u8]) -> bool {
     let fields = || row.split(|byte| *byte == b',');
     fields().count() >= 6
@@ -91,11 +91,11 @@ fn has_fractions(row: &[u8]) -> bool {
 /// A part of a row between white space and semicolons.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Part {
-    /// Without comma and point.
+    /// Without a comma or point.
     Plain,
-    /// With a point alone.
+    /// With a point only.
     Point,
-    /// One number, if the comma is a decimal one: 1,5.
+    /// One number, if its comma is a decimal mark: 1,5.
     Decimal,
     /// Several numbers.
     List,
@@ -133,7 +133,7 @@ fn is_grouped_before(part: &[u8], group: u8, mark: u8) -> bool {
     whole.contains(&group) && is_grouped(whole, group) && is_digits(fraction)
 }
 
-/// Whether a mark divides digits into groups of three.
+/// Whether a mark separates digits into groups of three.
 fn is_grouped(part: &[u8], group: u8) -> bool {
     let mut groups = unsigned(part).split(|byte| *byte == group);
     groups.next().is_some_and(|first| is_digits(first) && first.len() <= 3)
@@ -148,13 +148,13 @@ fn is_digits(part: &[u8]) -> bool {
     !part.is_empty() && part.iter().all(u8::is_ascii_digit)
 }
 
-/// What is before the first mark, and what is behind it.
+/// Splits at the first mark.
 fn split(part: &[u8], mark: u8) -> (&[u8], &[u8]) {
     let at = part.iter().position(|byte| *byte == mark).unwrap_or(part.len());
     (&part[..at], part.get(at + 1..).unwrap_or_default())
 }
 
-/// The number that a word with a decimal comma stands for.
+/// Parses a word with a decimal comma.
 pub(super) fn decimal(word: &[u8]) -> Option<f64> {
     let mut text = [0; LONGEST];
     let text = text.get_mut(..word.len())?;

@@ -1,9 +1,9 @@
-//! Polygons cut into triangles that share their first corner.
+//! Splits polygons into triangles that share their first corner.
 
 use crate::error::{Error, Result};
 use crate::memory;
 
-/// Triangles, as the corners of polygons come in one by one.
+/// Triangles, built corner by corner.
 #[derive(Default)]
 pub(super) struct Fans {
     triangles: Vec<[i64; 3]>,
@@ -13,12 +13,12 @@ pub(super) struct Fans {
 }
 
 impl Fans {
-    /// The next corner belongs to a new polygon.
+    /// Begins a new polygon.
     pub fn begin(&mut self) {
         self.corners = 0;
     }
 
-    /// Adds a corner: a row of the points. It is checked in the end, as points may still follow.
+    /// Adds a corner: a row of the points. It is checked at the end, since points may still follow.
     pub fn corner(&mut self, corner: i64) -> Result<()> {
         match self.corners {
             0 => self.first = corner,
@@ -30,7 +30,7 @@ impl Fans {
         Ok(())
     }
 
-    /// All triangles, if there are any; each corner has to be one of so many points.
+    /// All triangles, if there are any; checks that each corner is one of `points` points.
     pub fn finish(self, points: usize) -> Result<Option<Vec<[i64; 3]>>> {
         let is_there = |corner: &i64| usize::try_from(*corner).is_ok_and(|row| row < points);
         if let Some(corner) = self.triangles.as_flattened().iter().find(|corner| !is_there(corner)) {
@@ -41,10 +41,10 @@ impl Fans {
     }
 }
 
-/// A whole number that stands in a file as any number; -1 for others, which is no row.
+/// An integer stored as any number type; -1, which is no row, for other values.
 #[expect(clippy::float_cmp, reason = "a whole number is exactly what its cast gives back")]
 pub(super) fn row_of(number: f64) -> i64 {
-    // Faster than to look at the fraction, for which not every processor has an instruction.
+    // Faster than testing the fraction, for which some processors have no instruction.
     let row = number as i64;
     if row as f64 == number { row } else { -1 }
 }

@@ -1,4 +1,5 @@
-//! KITTI's scans (Geiger et al., CVPR 2012): x, y, z and reflectance of each point, float32, nothing else.
+//! KITTI's scans (Geiger et al., CVPR 2012): x, y, z and reflectance of each point as float32, without a
+//! header.
 
 use super::cloud_content::{CloudContent, POSITION, Points};
 use super::columns::{Column, read_columns};
@@ -9,10 +10,11 @@ use crate::execution::Execution;
 const NUMBERS: usize = 4;
 const BYTES: usize = NUMBERS * Scalar::F32.size();
 
-/// Points of a scan; the reflectance is left out.
+/// Parses the points of a scan; the reflectance is ignored.
 ///
 /// # Errors
-/// [`Error::InvalidInput`] unless the length is that of whole points, [`Error::OutOfMemory`], [`Error::Interrupted`].
+/// [`Error::InvalidInput`] unless the length is a multiple of a point's, [`Error::OutOfMemory`],
+/// [`Error::Interrupted`].
 pub fn parse(content: &[u8], execution: &Execution) -> Result<CloudContent> {
     if !content.len().is_multiple_of(BYTES) {
         let remedy = format!("a point takes {BYTES}: x, y, z and reflectance in float32");

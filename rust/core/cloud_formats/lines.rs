@@ -1,23 +1,23 @@
-//! Lines of a text, and the words on them. Bytes that aren't ASCII are words like any other.
+//! Lines of a text, and their words. Bytes that are not ASCII are ordinary characters.
 
 use super::commas::{Commas, decimal};
 use crate::error::{Error, Result};
 use crate::execution::Execution;
 
-/// Lines or words between two looks for an interruption.
+/// Lines or words between two checks for an interruption.
 const CHECK_EVERY: usize = 1024;
 
-/// Longest piece of a file that an error shows.
+/// Longest excerpt of a file in an error.
 const SHOWN: usize = 40;
 
-/// Which bytes stand between words.
+/// Table of the bytes that separate words.
 pub(super) type Separators = [bool; 256];
 
 /// White space.
 pub(super) const BLANKS: &Separators = &separators(b"");
 /// White space, commas and semicolons.
 pub(super) const COLUMNS: &Separators = &separators(b",;");
-/// White space and semicolons: what separates numbers with decimal commas.
+/// White space and semicolons: separators of numbers with decimal commas.
 pub(super) const DECIMALS: &Separators = &separators(b";");
 /// White space, and the backslash that joins two lines.
 pub(super) const JOINED: &Separators = &separators(b"\\");
@@ -34,7 +34,7 @@ const fn separators(more: &[u8]) -> Separators {
     table
 }
 
-/// Lines of a text from a place on.
+/// Lines of a text from a position on.
 #[derive(Clone)]
 pub(super) struct Lines<'a> {
     rest: &'a [u8],
@@ -45,13 +45,13 @@ pub(super) struct Lines<'a> {
 }
 
 impl<'a> Lines<'a> {
-    /// Lines of a file; the mark that UTF-8 may begin with is left out.
+    /// Lines of a file, without a UTF-8 byte order mark.
     pub fn new(content: &'a [u8], separators: &'static Separators, execution: &'a Execution) -> Self {
         let rest = content.strip_prefix(b"\xef\xbb\xbf").unwrap_or(content);
         Self { rest, number: 0, separators, commas: Commas::default(), execution }
     }
 
-    /// The next line, whatever is on it.
+    /// The next line, even if it is empty.
     pub fn next_line(&mut self) -> Result<Option<Line<'a>>> {
         if self.rest.is_empty() {
             return Ok(None);
@@ -66,7 +66,7 @@ impl<'a> Lines<'a> {
         Ok(Some(Line { text, number, words: 0, separators, is_decimal: false, execution }))
     }
 
-    /// The next line with a word on it.
+    /// The next line with at least one word.
     pub fn next_with_words(&mut self, comments: &[&[u8]]) -> Result<Option<Line<'a>>> {
         while let Some(line) = self.next_line()? {
             let line = line.without(comments);
@@ -77,7 +77,7 @@ impl<'a> Lines<'a> {
         Ok(None)
     }
 
-    /// The next row of numbers, between which there may be commas, or whose commas are decimal ones.
+    /// The next row of numbers, with separating or decimal commas.
     pub fn next_row(&mut self, comments: &[&[u8]]) -> Result<Option<Line<'a>>> {
         let Some(mut line) = self.next_with_words(comments)? else { return Ok(None) };
         if self.commas.are_decimal(&line)? {
@@ -87,7 +87,7 @@ impl<'a> Lines<'a> {
         Ok(Some(line))
     }
 
-    /// The number of a field that other separators than commas end.
+    /// The number of a field, which is separated by other characters than commas.
     pub fn number_of(&mut self, line: &Line, field: &[u8]) -> Result<f64> {
         self.commas.number_of(line, field)
     }
@@ -108,34 +108,34 @@ impl<'a> Lines<'a> {
         (self.rest, &[])
     }
 
-    /// The next so many bytes, whatever they are; None where there are fewer.
+    /// The next `bytes` bytes, of any value; `None` if there are fewer.
     pub fn take(&mut self, bytes: usize) -> Option<&'a [u8]> {
         let (taken, rest) = self.rest.split_at_checked(bytes)?;
         self.rest = rest;
         Some(taken)
     }
 
-    /// What follows the lines that were taken.
+    /// The part after the lines already read.
     pub fn rest(&self) -> &'a [u8] {
         self.rest
     }
 }
 
-/// One line, from the word on that comes next.
+/// One line, from the next word on.
 #[derive(Clone)]
 pub(super) struct Line<'a> {
     text: &'a [u8],
-    /// From 1 on.
+    /// Line number, from 1 on.
     pub number: usize,
     words: usize,
     separators: &'static Separators,
-    /// Whether its commas are decimal ones.
+    /// Whether its commas are decimal marks.
     is_decimal: bool,
     execution: &'a Execution,
 }
 
 impl<'a> Line<'a> {
-    /// The line up to the first comment, which begins with one of these.
+    /// The line up to the first comment, which begins with one of `comments`.
     pub fn without(mut self, comments: &[&[u8]]) -> Self {
         for comment in comments {
             if let Some(start) = find(self.text, comment) {
@@ -145,7 +145,7 @@ impl<'a> Line<'a> {
         self
     }
 
-    /// All that is left on the line.
+    /// The rest of the line.
     pub fn text(&self) -> &'a [u8] {
         self.text
     }
@@ -154,7 +154,7 @@ impl<'a> Line<'a> {
         self.text.iter().all(|byte| self.separators[usize::from(*byte)])
     }
 
-    /// Number of words that are left on the line.
+    /// Number of words left on the line.
     pub fn count_words(&self) -> Result<usize> {
         let (mut line, mut words) = (self.clone(), 0);
         while line.next_word()?.is_some() {
@@ -181,7 +181,7 @@ impl<'a> Line<'a> {
         Ok(Some(word))
     }
 
-    /// The next word, which has to be a number.
+    /// Parses the next word as a number.
     pub fn next_number(&mut self) -> Result<f64> {
         match self.next_word()? {
             Some(word) => self.number_of(word),
@@ -189,7 +189,7 @@ impl<'a> Line<'a> {
         }
     }
 
-    /// The next word, which has to be a count.
+    /// Parses the next word as a count.
     pub fn next_count(&mut self) -> Result<usize> {
         match self.next_word()? {
             Some(word) => {
@@ -199,19 +199,19 @@ impl<'a> Line<'a> {
         }
     }
 
-    /// A word of this line that has to be a number.
+    /// Parses a word of this line as a number.
     pub fn number_of(&self, word: &[u8]) -> Result<f64> {
         let found = if self.is_decimal { decimal(word) } else { number(word) };
         found.ok_or_else(|| self.refuse(shown(word), "a number belongs there"))
     }
 
-    /// The error of something on this line.
+    /// The error for a part of this line.
     pub fn refuse(&self, got: impl ToString, remedy: impl Into<String>) -> Error {
         Error::invalid(format!("line {}", self.number), got, remedy)
     }
 }
 
-/// Where a piece begins in a text.
+/// Position of the first occurrence of a piece in a text.
 fn find(text: &[u8], piece: &[u8]) -> Option<usize> {
     let first = piece.first()?;
     let mut from = 0;
@@ -224,30 +224,30 @@ fn find(text: &[u8], piece: &[u8]) -> Option<usize> {
     }
 }
 
-/// The number that a word stands for, to the nearest.
+/// Parses a word as a number, rounded to the nearest.
 pub(super) fn number(word: &[u8]) -> Option<f64> {
     let text = std::str::from_utf8(word).ok()?;
     text.parse().ok().or_else(|| is_nan(text).then_some(f64::NAN))
 }
 
-/// Whether this is how some C libraries write NaN: nan(ind), -nan(snan).
+/// Whether a word is NaN as written by some C libraries: nan(ind), -nan(snan).
 fn is_nan(text: &str) -> bool {
     text.trim_start_matches(['+', '-']).get(..4).is_some_and(|start| start.eq_ignore_ascii_case("nan("))
 }
 
-/// The count that a word stands for.
+/// Parses a word as a count.
 pub(super) fn count(word: &[u8]) -> Option<usize> {
     std::str::from_utf8(word).ok()?.parse().ok()
 }
 
-/// A piece of a file for an error: control characters escaped, cut where it is long.
+/// An excerpt of a file for an error: control characters are escaped, long ones truncated.
 pub(super) fn shown(word: &[u8]) -> String {
     let text: String =
         String::from_utf8_lossy(word.get(..4 * SHOWN).unwrap_or(word)).chars().take(SHOWN).collect();
     format!("{text:?}")
 }
 
-/// Refuses a count of things, each of which takes at least so many bytes, where the file has fewer.
+/// Rejects a declared count if the file has fewer bytes than its items need at least.
 pub(super) fn check_room(what: &str, count: usize, least: usize, bytes: usize) -> Result<()> {
     if count.checked_mul(least).is_some_and(|needed| needed <= bytes) {
         return Ok(());

@@ -1,20 +1,20 @@
-//! LZF, by which PCD compresses: runs of literals, and references to what came before.
+//! LZF, PCD's compression: runs of literals, and references to earlier bytes.
 //!
-//! A control byte below 32 is followed by that many bytes and one more. Any other holds in its upper three bits the
-//! length of a copy less 2 (7: add the next byte), in its lower five the upper bits of its distance less 1, whose
-//! lower eight follow.
+//! A control byte below 32 precedes that many literal bytes and one more. Any other control byte holds in its
+//! upper three bits the length of a copy minus 2 (7: add the next byte), in its lower five the upper bits of
+//! its distance minus 1, whose lower eight bits follow.
 
 use crate::error::{Error, Result};
 use crate::execution::Execution;
 use crate::memory;
 
-/// Longest copy, which three bytes stand for.
+/// Longest copy, encoded by three bytes.
 const LONGEST: usize = 7 + 255 + 2;
 
-/// Steps between two looks for an interruption.
+/// Steps between two checks for an interruption.
 const CHECK_EVERY: usize = 1 << 14;
 
-/// The `size` bytes that `packed` stands for.
+/// Decompresses `packed` into `size` bytes.
 pub(super) fn decompress(packed: &[u8], size: usize, execution: &Execution) -> Result<Vec<u8>> {
     if size.div_ceil(LONGEST) > packed.len() {
         let got = format!("{} bytes that are to become {size}", packed.len());
@@ -33,7 +33,7 @@ pub(super) fn decompress(packed: &[u8], size: usize, execution: &Execution) -> R
     if plain.len() == size { Ok(plain) } else { Err(broken()) }
 }
 
-/// Does what the next control byte says; the rest behind it, or None where that is impossible.
+/// Executes the next control byte; returns the rest after it, or `None` if it is invalid.
 fn step<'a>(packed: &'a [u8], plain: &mut Vec<u8>, size: usize) -> Option<&'a [u8]> {
     let (&control, rest) = packed.split_first()?;
     let room = size - plain.len();
@@ -56,7 +56,7 @@ fn step<'a>(packed: &'a [u8], plain: &mut Vec<u8>, size: usize) -> Option<&'a [u
     if distance >= length {
         plain.extend_from_within(start..start + length);
     } else {
-        // What is copied overlaps what it becomes.
+        // The copied bytes overlap the result.
         for i in start..start + length {
             plain.push(plain[i]);
         }

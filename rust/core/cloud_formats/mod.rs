@@ -1,8 +1,8 @@
 //! Files of point clouds and meshes: bytes in, a cloud out.
 //!
-//! The bytes may come from anywhere. Whatever a file declares is checked against its length before memory is taken
-//! for it, and what can't be parsed is an [`Error::InvalidInput`](crate::Error::InvalidInput) that says where.
-//! Nothing is said of the file's name, which only the caller knows.
+//! The bytes may come from any source. Declared sizes are checked against the length of the file before
+//! memory is reserved for them, and invalid content is an [`Error::InvalidInput`](crate::Error::InvalidInput)
+//! that names the place. Errors do not name the file, which only the caller knows.
 //!
 //! | format | function |
 //! |---|---|
@@ -11,8 +11,8 @@
 //! | Wavefront OBJ | [`obj::parse`] |
 //! | Geomview OFF, with normals and colours | [`off::parse`] |
 //! | STL: ASCII, binary | [`stl::parse`] |
-//! | text: columns of numbers, with a line of names or without | [`text::parse`] |
-//! | PTS: as text, behind a count | [`pts::parse`] |
+//! | text: columns of numbers, with or without a line of names | [`text::parse`] |
+//! | PTS: as text, after a count | [`pts::parse`] |
 //! | LAS 1.0 to 1.5, also compressed as LAZ | [`las::parse`] |
 //! | PTX: grids of scanners, with their poses | [`ptx::parse`] |
 //! | VTK, the legacy format: ASCII, binary | [`vtk::parse`] |

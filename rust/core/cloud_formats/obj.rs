@@ -1,5 +1,5 @@
-//! OBJ, the format of Wavefront: `v` lines are points, `f` lines are polygons of all groups, objects and materials.
-//! Texture coordinates and normals, which belong to corners and not to points, are left out.
+//! OBJ, the format of Wavefront: `v` lines are points, `f` lines are polygons of all groups, objects and
+//! materials. Texture coordinates and normals, which belong to corners and not to points, are ignored.
 
 use super::cloud_content::{COLOR, CloudContent, ColorScale, POSITION, Points, Row};
 use super::fans::Fans;
@@ -10,10 +10,11 @@ use crate::execution::Execution;
 
 const COMMENT: &[&[u8]] = &[b"#"];
 
-/// Points, colours and triangles of a file; points of equal coordinates are made one.
+/// Parses the points, colours and triangles of a file; points with equal coordinates are merged.
 ///
 /// # Errors
-/// [`Error::InvalidInput`] where a point or a polygon can't be read, [`Error::OutOfMemory`], [`Error::Interrupted`].
+/// [`Error::InvalidInput`] if a point or a polygon is invalid, [`Error::OutOfMemory`],
+/// [`Error::Interrupted`].
 pub fn parse(content: &[u8], execution: &Execution) -> Result<CloudContent> {
     let mut lines = Lines::new(content, JOINED, execution);
     let mut points = Points::with_capacity(0, false, Some(ColorScale::Reals))?;
@@ -62,7 +63,8 @@ fn read_point(line: &mut Line) -> Result<(Row, bool)> {
     Ok((row, count == 3 || count == 4))
 }
 
-/// The point that a corner names, of so many before it: from 1 on, or back from the last by negative numbers.
+/// The point of a corner, given the number of points before it: from 1 on, or back from the last by negative
+/// numbers.
 fn corner(word: &[u8], points: usize) -> Option<i64> {
     let number = word.split(|byte| *byte == b'/').next()?;
     let number: i64 = std::str::from_utf8(number).ok()?.parse().ok()?;

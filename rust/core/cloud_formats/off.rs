@@ -1,5 +1,5 @@
-//! OFF, the format of Geomview: counts, points, then polygons. Its name may begin with letters that say what a point
-//! has besides: N a normal, C a colour, ST texture coordinates, which are left out.
+//! OFF, the format of Geomview: counts, points, then polygons. Letters before its keyword declare further
+//! data of a point: N a normal, C a colour, ST texture coordinates, which are ignored.
 
 use super::cloud_content::{COLOR, CloudContent, ColorScale, NORMAL, POSITION, Points, Row};
 use super::fans::Fans;
@@ -9,7 +9,7 @@ use crate::execution::Execution;
 
 const COMMENT: &[&[u8]] = &[b"#"];
 
-/// What the first words say.
+/// Content of the first words.
 struct Header {
     normals: bool,
     colors: bool,
@@ -17,14 +17,15 @@ struct Header {
     faces: usize,
 }
 
-/// Points, normals, colours and triangles of a file.
+/// Parses the points, normals, colours and triangles of a file.
 ///
 /// # Errors
-/// [`Error::InvalidInput`] where it is cut off or not an OFF file, [`Error::OutOfMemory`], [`Error::Interrupted`].
+/// [`Error::InvalidInput`] if the file is truncated or not an OFF file, [`Error::OutOfMemory`],
+/// [`Error::Interrupted`].
 pub fn parse(content: &[u8], execution: &Execution) -> Result<CloudContent> {
     let mut lines = Lines::new(content, BLANKS, execution);
     let header = read_header(&mut lines)?;
-    // As though the last number had a separator behind it.
+    // Counts a separator after the last number.
     let room = lines.rest().len() + 1;
     check_room("points", header.points, 3 * 2, room)?;
     check_room("faces", header.faces, 2, room)?;

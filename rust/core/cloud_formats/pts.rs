@@ -1,5 +1,5 @@
-//! PTS, the format of laser scanners: the number of points, then a line for each. Behind x y z may stand an
-//! intensity, which is left out, and a colour of three bytes.
+//! PTS, the format of laser scanners: the number of points, then a line for each. After x y z a line may have
+//! an intensity, which is ignored, and a colour of three bytes.
 
 use super::cloud_content::{COLOR, CloudContent, ColorScale, POSITION, Points, Row};
 use super::lines::{COLUMNS, Line, Lines};
@@ -7,10 +7,11 @@ use super::table::{COMMENTS, check_columns, check_count, take_count};
 use crate::error::Result;
 use crate::execution::Execution;
 
-/// Points and colours of a file; the count may be missing.
+/// Parses the points and colours of a file; the count may be missing.
 ///
 /// # Errors
-/// [`crate::Error::InvalidInput`] where it is cut off or something else, [`crate::Error::OutOfMemory`],
+/// [`crate::Error::InvalidInput`] if the file is truncated or in another format,
+/// [`crate::Error::OutOfMemory`],
 /// [`crate::Error::Interrupted`].
 pub fn parse(content: &[u8], execution: &Execution) -> Result<CloudContent> {
     let mut lines = Lines::new(content, COLUMNS, execution);
@@ -18,7 +19,7 @@ pub fn parse(content: &[u8], execution: &Execution) -> Result<CloudContent> {
     let Some(first) = lines.clone().next_row(COMMENTS)? else {
         return Points::with_capacity(0, false, None)?.finish(None);
     };
-    // Without colours, with a colour, or with an intensity before it.
+    // Without a colour, with a colour, or with an intensity and a colour.
     let columns = first.count_words()?;
     let skipped = match columns {
         3 | 4 => None,

@@ -1,9 +1,10 @@
-//! PTX, the scans of Leica's terrestrial scanners as a text: for each scan its numbers of columns and rows, the
-//! scanner's place and axes, a matrix, and a line for each point of the grid: x y z, an intensity, and a colour or none.
+//! PTX, the text format of Leica's terrestrial scanners: for each scan its numbers of columns and rows, the
+//! scanner's position and axes, a matrix, and a line for each point of the grid: x y z, an intensity, and a
+//! colour or none.
 //!
-//! Points are in the scanner's own frame, and the matrix moves them into that of the file; row vectors, p' = p M. It
-//! moves the origin to the scanner's place, whatever the lines of the place say: these may be in another frame.
-//! A point 0 0 0 is a direction without a return.
+//! Points are in the scanner's own frame, and the matrix moves them to the file's frame; row vectors, p' = p
+//! M. It moves the origin to the scanner's position; the lines of the position may be in another frame and
+//! are ignored. A point 0 0 0 is a direction without a return.
 
 use super::cloud_content::CloudContent;
 use super::lines::{COLUMNS, Line, Lines, check_room, shown};
@@ -12,13 +13,15 @@ use crate::error::{Error, Result};
 use crate::execution::Execution;
 use crate::memory;
 
-/// Lines of the scanner's place and axes.
+/// Lines of the scanner's position and axes.
 const AXES: usize = 4;
 
-/// Points and colours of all scans in one frame, NaN where there was no return; the scanner's place if it is one.
+/// Parses the points and colours of all scans in one frame, NaN without a return; the scanner's position if
+/// there is one scan.
 ///
 /// # Errors
-/// [`Error::InvalidInput`] where it is cut off or something else, [`Error::OutOfMemory`], [`Error::Interrupted`].
+/// [`Error::InvalidInput`] if the file is truncated or in another format, [`Error::OutOfMemory`],
+/// [`Error::Interrupted`].
 pub fn parse(content: &[u8], execution: &Execution) -> Result<CloudContent> {
     let mut lines = Lines::new(content, COLUMNS, execution);
     let mut cloud = CloudContent { colors: Some(Vec::new()), ..CloudContent::default() };
@@ -33,7 +36,7 @@ pub fn parse(content: &[u8], execution: &Execution) -> Result<CloudContent> {
     Ok(cloud)
 }
 
-/// Adds the points of a scan that begins with a line, and returns the scanner's place.
+/// Adds the points of a scan that begins with a line, and returns the scanner's position.
 fn read_scan(first: Line, lines: &mut Lines, cloud: &mut CloudContent) -> Result<[f64; 3]> {
     let count = only_count(first)?.saturating_mul(only_count(next(lines)?)?);
     for _ in 0..AXES {
@@ -75,7 +78,7 @@ fn read_scan(first: Line, lines: &mut Lines, cloud: &mut CloudContent) -> Result
             if point.iter().all(|x| *x == 0.0) { [f64::NAN; 3] } else { moved(point, &matrix) },
         )?;
         match (&mut cloud.colors, color) {
-            // A cast of what is out of range ends at the nearest byte.
+            // A cast of a number out of range gives the nearest byte.
             (Some(colors), Some(color)) => memory::push(colors, color.map(|value| value as u8))?,
             (colors, _) => *colors = None,
         }
@@ -90,7 +93,7 @@ fn next<'a>(lines: &mut Lines<'a>) -> Result<Line<'a>> {
     })
 }
 
-/// The count that a line consists of.
+/// Parses a line of a single count.
 fn only_count(mut line: Line) -> Result<usize> {
     let count = line.next_count()?;
     if line.is_blank() {
@@ -99,7 +102,7 @@ fn only_count(mut line: Line) -> Result<usize> {
     Err(line.refuse(shown(line.text()), "a scan begins with its number of columns, then that of rows"))
 }
 
-/// The numbers that a line consists of.
+/// Parses a line of `N` numbers.
 fn numbers<const N: usize>(mut line: Line) -> Result<[f64; N]> {
     check_columns(&line, line.count_words()?, &mut Some(N))?;
     let mut found = [0.0; N];

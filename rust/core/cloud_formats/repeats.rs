@@ -1,4 +1,4 @@
-//! Merges points of equal coordinates.
+//! Merges points with equal coordinates.
 
 use std::collections::HashMap;
 
@@ -7,10 +7,10 @@ use crate::error::{Error, Result};
 use crate::execution::Execution;
 use crate::memory;
 
-/// Points between two looks for an interruption.
+/// Points between two checks for an interruption.
 const CHECK_EVERY: usize = 1 << 12;
 
-/// The cloud with each point once, in order of first appearance. Points with a NaN equal no other.
+/// The cloud without repeated points, in order of first appearance. Points with a NaN equal no other.
 pub(super) fn without_repeats(mut cloud: CloudContent, execution: &Execution) -> Result<CloudContent> {
     let mut firsts: HashMap<[u64; 3], usize> = HashMap::new();
     let mut rows = memory::with_capacity(cloud.points.len())?;
@@ -25,7 +25,7 @@ pub(super) fn without_repeats(mut cloud: CloudContent, execution: &Execution) ->
             firsts
                 .try_reserve(1)
                 .map_err(|_| Error::OutOfMemory { bytes: 2 * size_of::<[u64; 4]>() * firsts.len() })?;
-            // Minus zero plus zero is zero: both are the same place.
+            // Minus zero plus zero is zero: both are the same position.
             row = *firsts.entry(point.map(|value| (value + 0.0).to_bits())).or_insert(kept);
         }
         if row == kept {

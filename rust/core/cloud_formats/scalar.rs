@@ -38,7 +38,7 @@ impl Scalar {
         matches!(self, Self::F32 | Self::F64)
     }
 
-    /// The number that the bytes begin with; None where they are too few.
+    /// The number at the start of the bytes; `None` if there are too few.
     #[inline]
     pub fn read(self, bytes: &[u8], order: ByteOrder) -> Option<f64> {
         Some(match self {
@@ -55,7 +55,7 @@ impl Scalar {
         })
     }
 
-    /// What this type makes of a number that stands in a text.
+    /// Rounds a number of a text to this type.
     pub fn hold(self, number: f64) -> f64 {
         match self {
             Self::F32 => f64::from(number as f32),

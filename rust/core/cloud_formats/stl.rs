@@ -1,7 +1,7 @@
 //! STL: triangles by the coordinates of their corners, in text or binary.
 //!
-//! A binary file has 80 bytes of anything, a count, and 50 bytes for each triangle. Some begin with `solid` as text
-//! does, so a file is binary if its length is the one that its count says.
+//! A binary file has 80 arbitrary bytes, a count, and 50 bytes for each triangle. Some begin with `solid`
+//! like text, so a file is binary if its length matches its count.
 
 use super::cloud_content::{CloudContent, Points, Row};
 use super::fans::Fans;
@@ -13,17 +13,18 @@ use crate::execution::Execution;
 
 const HEADER: usize = 80;
 const TRIANGLE: usize = 50;
-/// Bytes of a normal, which comes before the corners.
+/// Bytes of a normal, which precedes the corners.
 const NORMAL: usize = 12;
 const NUMBER: usize = Scalar::F32.size();
 
-/// Triangles between two looks for an interruption.
+/// Triangles between two checks for an interruption.
 const CHECK_EVERY: usize = 1 << 12;
 
-/// Triangles of a file; corners of equal coordinates are made one point.
+/// Parses the triangles of a file; corners with equal coordinates are merged.
 ///
 /// # Errors
-/// [`Error::InvalidInput`] where it is cut off or not an STL file, [`Error::OutOfMemory`], [`Error::Interrupted`].
+/// [`Error::InvalidInput`] if the file is truncated or not an STL file, [`Error::OutOfMemory`],
+/// [`Error::Interrupted`].
 pub fn parse(content: &[u8], execution: &Execution) -> Result<CloudContent> {
     let points = match binary_triangles(content) {
         Some(triangles) => read_binary(triangles, execution)?,
@@ -67,7 +68,7 @@ fn read_binary(triangles: &[u8], execution: &Execution) -> Result<Points> {
 fn read_text(content: &[u8], execution: &Execution) -> Result<Points> {
     let mut lines = Lines::new(content, BLANKS, execution);
     let mut points = Points::with_capacity(0, false, None)?;
-    // Whether the last solid has ended, once there is one.
+    // Whether the last solid has ended; `None` before the first.
     let mut ended = None;
     while let Some(mut line) = lines.next_with_words(&[])? {
         let word = line.next_word()?.unwrap_or_default();

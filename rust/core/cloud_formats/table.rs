@@ -1,27 +1,28 @@
-//! Rows of numbers in a text, separated by white space, commas or semicolons; # and // start comments. Commas between
-//! digits are decimal ones where white space or semicolons separate the numbers.
+//! Rows of numbers in a text, separated by white space, commas or semicolons; # and // start comments. Commas
+//! between digits are decimal marks if white space or semicolons separate the numbers.
 
 use super::lines::{COLUMNS, Line, Lines, check_room, count};
 use crate::error::{Error, Result};
 use crate::execution::Execution;
 use crate::memory;
 
-/// What starts a comment.
+/// Starts of comments.
 pub(super) const COMMENTS: &[&[u8]] = &[b"#", b"//"];
 
-/// Numbers, row by row.
+/// Numbers by rows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Table {
-    /// Numbers of a row, at least one.
+    /// Numbers per row, at least one.
     pub columns: usize,
-    /// All rows, one after the other.
+    /// Concatenated rows.
     pub numbers: Vec<f64>,
 }
 
-/// The numbers of a text, whose rows all have the same length.
+/// Parses the numbers of a text whose rows have equal lengths.
 ///
 /// # Errors
-/// [`Error::InvalidInput`] where it has none, or something else, [`Error::OutOfMemory`], [`Error::Interrupted`].
+/// [`Error::InvalidInput`] if there are none, or other content, [`Error::OutOfMemory`],
+/// [`Error::Interrupted`].
 pub fn parse(content: &[u8], execution: &Execution) -> Result<Table> {
     let mut lines = Lines::new(content, COLUMNS, execution);
     let mut numbers = Vec::new();
@@ -39,7 +40,7 @@ pub fn parse(content: &[u8], execution: &Execution) -> Result<Table> {
     }
 }
 
-/// Takes a first line that is nothing but the number of the points that follow.
+/// Takes a first line that holds only the number of points.
 pub(super) fn take_count(lines: &mut Lines) -> Result<Option<usize>> {
     let mut rows = lines.clone();
     let Some(mut line) = rows.next_with_words(COMMENTS)? else { return Ok(None) };
@@ -47,12 +48,12 @@ pub(super) fn take_count(lines: &mut Lines) -> Result<Option<usize>> {
     if declared.is_some() {
         *lines = rows;
     }
-    // As though the last number had a separator behind it.
+    // Counts a separator after the last number.
     check_room("points", declared.unwrap_or(0), 3 * 2, lines.rest().len() + 1)?;
     Ok(declared)
 }
 
-/// Refuses a number of points that is not the one that was declared.
+/// Rejects a number of points that differs from the declared one.
 pub(super) fn check_count(declared: Option<usize>, found: usize) -> Result<()> {
     match declared.filter(|declared| *declared != found) {
         None => Ok(()),
@@ -63,7 +64,7 @@ pub(super) fn check_count(declared: Option<usize>, found: usize) -> Result<()> {
     }
 }
 
-/// Refuses a row whose length is not that of the first.
+/// Rejects a row whose length differs from that of the first.
 pub(super) fn check_columns(line: &Line, found: usize, columns: &mut Option<usize>) -> Result<()> {
     let expected = *columns.get_or_insert(found);
     if found == expected {

@@ -1,9 +1,9 @@
 //! Clouds as columns of numbers: XYZ, TXT, CSV.
 //!
-//! Columns are separated by white space, commas or semicolons; # and // start comments. Commas between digits are decimal
-//! ones where white space or semicolons separate the columns. The number of points may come first. Where a line has
-//! names, it says which columns are x y z, nx ny nz and r g b, and the others may hold anything. Without names the
-//! first three columns are x y z, and the others are numbers that are left out.
+//! Columns are separated by white space, commas or semicolons; # and // start comments. Commas between digits
+//! are decimal marks if white space or semicolons separate the columns. The number of points may come first.
+//! A line of names defines the columns x y z, nx ny nz and r g b; other columns may have any content. Without
+//! names the first three columns are x y z, and the others are numbers that are ignored.
 
 use super::cloud_content::{COLOR, CloudContent, ColorScale, NORMAL, POSITION, Points, Row};
 use super::lines::{COLUMNS, Line, Lines, number, shown};
@@ -12,15 +12,15 @@ use crate::error::Result;
 use crate::execution::Execution;
 use crate::memory;
 
-/// Names of columns, in any case.
+/// Names of columns, ignoring case.
 const POSITION_NAMES: &[[&str; 3]] = &[["x", "y", "z"]];
 const NORMAL_NAMES: &[[&str; 3]] = &[["nx", "ny", "nz"], ["normal_x", "normal_y", "normal_z"]];
 const COLOR_NAMES: &[[&str; 3]] = &[["r", "g", "b"], ["red", "green", "blue"]];
 
-/// Points of a text, and normals and colours where columns are named so.
+/// Parses the points of a text, with normals and colours if columns have these names.
 ///
 /// # Errors
-/// [`crate::Error::InvalidInput`] where it is something else, [`crate::Error::OutOfMemory`],
+/// [`crate::Error::InvalidInput`] for other content, [`crate::Error::OutOfMemory`],
 /// [`crate::Error::Interrupted`].
 pub fn parse(content: &[u8], execution: &Execution) -> Result<CloudContent> {
     read(content, &POSITION, execution)
@@ -42,7 +42,7 @@ pub fn parse_with_colors(content: &[u8], execution: &Execution) -> Result<CloudC
     read(content, &[POSITION, COLOR].concat(), execution)
 }
 
-/// Reads a text whose columns go to these places unless they are named. A count may come first.
+/// Reads a text with the given columns, unless a line names them. A count may come first.
 fn read(content: &[u8], columns: &[usize], execution: &Execution) -> Result<CloudContent> {
     let mut lines = Lines::new(content, COLUMNS, execution);
     let declared = take_count(&mut lines)?;
@@ -97,7 +97,7 @@ fn read_named(names: &Line, lines: &mut Lines) -> Result<Points> {
         return Err(names.refuse(shown(names.text().trim_ascii()), remedy));
     };
     let (normal, color) = (places(NORMAL_NAMES), places(COLOR_NAMES));
-    // For each column, its place in the row.
+    // Column of each field in the row.
     let mut columns = memory::filled(None, header.len())?;
     let wanted = [(Some(position), POSITION), (normal, NORMAL), (color, COLOR)];
     for (from, to) in wanted.into_iter().filter_map(|(from, to)| Some(from?.into_iter().zip(to))).flatten() {
@@ -118,13 +118,13 @@ fn read_named(names: &Line, lines: &mut Lines) -> Result<Points> {
     Ok(points)
 }
 
-/// How a line is cut into fields: at a comma or semicolon, between which a field may be empty, or at white space.
+/// Separator of the fields of a line: a comma or semicolon, which may enclose an empty field, or white space.
 struct Fields {
     separator: Option<u8>,
 }
 
 impl Fields {
-    /// The separator that the line of names has.
+    /// The separator of the line of names.
     fn of(names: &Line) -> Self {
         Self { separator: [b',', b';', b'\t'].into_iter().find(|byte| names.text().contains(byte)) }
     }

@@ -1,5 +1,6 @@
-//! VTK's legacy format, ASCII or binary: points of `POLYDATA`, `UNSTRUCTURED_GRID` and `STRUCTURED_GRID`, and polygons
-//! of the first; other cells, and data of points and cells, are left out. Binary numbers have their first byte first.
+//! VTK's legacy format, ASCII or binary: points of `POLYDATA`, `UNSTRUCTURED_GRID` and `STRUCTURED_GRID`, and
+//! polygons of the first; other cells, and data of points and cells, are ignored. Binary numbers are
+//! big-endian.
 
 use super::cloud_content::{CloudContent, Points, Row};
 use super::fans::{Fans, row_of};
@@ -9,13 +10,14 @@ use crate::error::{Error, Result};
 use crate::execution::Execution;
 use crate::memory;
 
-/// Numbers between two looks for an interruption.
+/// Numbers between two checks for an interruption.
 const CHECK_EVERY: usize = 1 << 16;
 
-/// Points and triangles of a file.
+/// Parses the points and triangles of a file.
 ///
 /// # Errors
-/// [`Error::InvalidInput`] where it is cut off or something else, [`Error::OutOfMemory`], [`Error::Interrupted`].
+/// [`Error::InvalidInput`] if the file is truncated or in another format, [`Error::OutOfMemory`],
+/// [`Error::Interrupted`].
 pub fn parse(content: &[u8], execution: &Execution) -> Result<CloudContent> {
     let mut file = File::open(content, execution)?;
     let (mut points, mut fans) = (None, Fans::default());
@@ -57,7 +59,7 @@ struct File<'a> {
 }
 
 impl<'a> File<'a> {
-    /// The file behind its first three lines: version, title, and how numbers are written.
+    /// Opens a file after its first three lines: version, title, and encoding.
     fn open(content: &'a [u8], execution: &'a Execution) -> Result<Self> {
         let mut lines = Lines::new(content, BLANKS, execution);
         let first = lines.next_line()?.ok_or_else(|| cut_off("header"))?;
@@ -88,7 +90,8 @@ impl<'a> File<'a> {
         Ok(points)
     }
 
-    /// Reads cells: each a count and so many points; or, since version 5.1, where each begins, and all points.
+    /// Reads cells: each a count and that many points; or, since version 5.1, the start of each, and all
+    /// points.
     fn cells(&mut self, line: &mut Line, mut fans: Option<&mut Fans>) -> Result<()> {
         let (first, second) = (line.next_count()?, line.next_count()?);
         let mut behind = self.lines.clone();
@@ -132,7 +135,7 @@ impl<'a> File<'a> {
     }
 
     fn numbers(&mut self, what: &str, count: usize, scalar: Scalar) -> Result<Vec<f64>> {
-        // As though the last number had a separator behind it.
+        // Counts a separator after the last number.
         let least = if self.is_binary { scalar.size() } else { 2 };
         check_room(what, count, least, self.lines.rest().len() + 1)?;
         let mut numbers = memory::with_capacity(count)?;

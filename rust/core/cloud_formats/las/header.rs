@@ -1,32 +1,32 @@
-//! The header of a LAS file, every number of it checked against the file's length.
+//! The header of a LAS file; every number is checked against the file's length.
 
 use super::super::lines::check_room;
 use super::bytes_at;
 use crate::error::{Error, Result};
 
-/// Bytes of a record of each point format, without the bytes that a writer may add.
+/// Bytes per record of each point format, without extra bytes.
 const RECORDS: [usize; 11] = [20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67];
-/// Where the colour of each point format stands in its record.
+/// Offset of the colour in a record of each point format.
 const COLORS: [Option<usize>; 11] =
     [None, None, Some(20), Some(28), None, Some(28), None, Some(30), Some(30), None, Some(30)];
 /// Bytes of a header of version 1.0 and later, of 1.3, and of 1.4 and later.
 const HEADERS: [usize; 3] = [227, 235, 375];
-/// Of a point format's number, those that say that the points are compressed.
+/// Bits of the point format's number that mark compressed points.
 const COMPRESSION: u8 = 0b1100_0000;
 const COMPRESSED: u8 = 0b1000_0000;
 
-/// What is needed of a header.
+/// The header fields used.
 pub(super) struct Header {
-    /// Bytes before the first variable-length record, and how many of these there are said to be.
+    /// Bytes before the first variable-length record, and declared number of such records.
     pub size: usize,
     pub records: usize,
     /// Bytes before the points.
     pub start: usize,
     pub is_compressed: bool,
-    /// Bytes of a point.
+    /// Bytes per point.
     pub point: usize,
     pub count: usize,
-    /// Where the colour stands in a point.
+    /// Offset of the colour in a point.
     pub color: Option<usize>,
     pub scale: [f64; 3],
     pub offset: [f64; 3],
@@ -43,7 +43,7 @@ impl Header {
         })?
     }
 
-    /// The header; None where the file ends before it does.
+    /// The header; `None` if the file is shorter.
     fn fields(content: &[u8]) -> Option<Result<Self>> {
         let byte = |at: usize| bytes_at::<1>(content, at).map(|[byte]| byte);
         let short = |at| bytes_at(content, at).map(u16::from_le_bytes).map(usize::from);

@@ -1,7 +1,7 @@
 //! LAS, the format of airborne laser scans (ASPRS, LAS specification 1.0 to 1.5), and LAZ, its compressed form.
 //!
-//! Coordinates are integers with a scale and an offset. Colours of 16 bits become bytes; some writers put bytes there,
-//! which are kept. Intensities, classes and times are left out, and so is all that stands behind the points.
+//! Coordinates are integers with a scale and an offset. Colours of 16 bits are converted to bytes; colours of
+//! writers that store bytes are kept. Intensities, classes, times, and all data after the points are ignored.
 
 mod header;
 mod laz;
@@ -12,14 +12,15 @@ use crate::error::Result;
 use crate::execution::Execution;
 use crate::memory;
 
-/// Points between two looks for an interruption.
+/// Points between two checks for an interruption.
 const CHECK_EVERY: usize = 1 << 12;
 
-/// Points of a file, and their colours where its point format has them.
+/// Parses the points of a file, and their colours if the point format has them.
 ///
 /// # Errors
-/// [`Error::InvalidInput`](crate::Error::InvalidInput) where it is cut off, damaged, of an unknown kind, or where so few bytes would grow to so
-/// many points that they were made to hurt; [`Error::OutOfMemory`](crate::Error::OutOfMemory), [`Error::Interrupted`](crate::Error::Interrupted).
+/// [`Error::InvalidInput`](crate::Error::InvalidInput) if the file is truncated, damaged, of an unknown kind,
+/// or expands so few bytes to so many points that it must be malicious;
+/// [`Error::OutOfMemory`](crate::Error::OutOfMemory), [`Error::Interrupted`](crate::Error::Interrupted).
 pub fn parse(content: &[u8], execution: &Execution) -> Result<CloudContent> {
     let header = Header::read(content)?;
     if header.is_compressed {
@@ -38,7 +39,7 @@ pub fn parse(content: &[u8], execution: &Execution) -> Result<CloudContent> {
     points.finish()
 }
 
-/// Bytes from a place on; None where there are too few.
+/// Bytes from an offset on; `None` if there are too few.
 fn bytes_at<const N: usize>(bytes: &[u8], at: usize) -> Option<[u8; N]> {
     bytes.get(at..)?.first_chunk().copied()
 }
@@ -47,14 +48,14 @@ fn color_at(record: &[u8], at: usize) -> [u16; 3] {
     [0, 2, 4].map(|more| bytes_at(record, at + more).map_or(0, u16::from_le_bytes))
 }
 
-/// What is taken of a point, as it is stored.
+/// The used values of a point, as stored.
 #[derive(Clone, Copy, Default)]
 struct Point {
     position: [i32; 3],
     color: [u16; 3],
 }
 
-/// Points so far.
+/// Points read so far.
 struct Points {
     places: Vec<[f64; 3]>,
     colors: Option<Vec<[u16; 3]>>,
@@ -63,7 +64,7 @@ struct Points {
 }
 
 impl Points {
-    /// Room for those that a header declares; the caller has checked how many these are.
+    /// Reserves room for the points declared by a header; the caller has checked their number.
     fn new(header: &Header) -> Result<Self> {
         Ok(Self {
             places: memory::with_capacity(header.count)?,
@@ -108,7 +109,7 @@ mod tests {
         };
     }
 
-    /// Files of the fuzz targets, behind a byte that says the format: 60 points each, as `expected` has them.
+    /// Corpus files of the fuzz targets, after a byte for the format: 60 points each, as in `expected`.
     const FILES: [(&str, &[u8]); 9] = [
         ("point format 0", corpus!("ac27a4")),
         ("point format 7 and two bytes more", corpus!("08dd38")),
@@ -165,7 +166,7 @@ mod tests {
 
     #[test]
     fn what_would_grow_too_much_is_refused() {
-        // The number of all points, and of those of a chunk, as in a file of many equal points.
+        // The total number of points and that of a chunk, as in a file of many equal points.
         let mut content = FILES[2].1[1..].to_vec();
         for at in [107, 227 + 54 + 12] {
             content[at..at + 4].copy_from_slice(&20_000_000_u32.to_le_bytes());

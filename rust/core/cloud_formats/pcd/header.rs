@@ -6,20 +6,20 @@ use crate::error::{Error, Result};
 use crate::execution::Execution;
 use crate::memory;
 
-/// What a file declares of itself.
+/// Declarations of a file.
 pub(super) struct Header<'a> {
     pub body: Body,
     pub fields: Vec<Field<'a>>,
     pub points: usize,
-    /// Numbers of a point.
+    /// Numbers per point.
     pub row_words: usize,
-    /// Bytes of a point.
+    /// Bytes per point.
     pub row_bytes: usize,
-    /// Where the scanner stood.
+    /// Position of the scanner.
     pub viewpoint: Option<[f64; 3]>,
 }
 
-/// How the points are written.
+/// Encoding of the points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Body {
     Text,
@@ -27,7 +27,7 @@ pub(super) enum Body {
     Compressed,
 }
 
-/// A number of every point, or several of one name.
+/// A number of every point, or several with one name.
 pub(super) struct Field<'a> {
     pub name: &'a [u8],
     pub scalar: Scalar,
@@ -35,13 +35,13 @@ pub(super) struct Field<'a> {
 }
 
 impl Field<'_> {
-    /// Whether it has this name, in any case.
+    /// Whether the field has this name, ignoring case.
     pub fn is_called(&self, name: &str) -> bool {
         self.name.eq_ignore_ascii_case(name.as_bytes())
     }
 }
 
-/// The lines of a header, before they are put together.
+/// The lines of a header, before they are combined.
 #[derive(Default)]
 struct Entries<'a> {
     names: Vec<&'a [u8]>,
@@ -54,7 +54,7 @@ struct Entries<'a> {
     viewpoint: Option<[f64; 3]>,
 }
 
-/// The header, and the lines behind it.
+/// Reads the header; returns it with the lines after it.
 pub(super) fn read<'a>(content: &'a [u8], execution: &'a Execution) -> Result<(Header<'a>, Lines<'a>)> {
     let mut lines = Lines::new(content, BLANKS, execution);
     let mut entries = Entries::default();
@@ -89,7 +89,7 @@ fn read_body(line: &mut Line) -> Result<Body> {
     }
 }
 
-/// The place in a viewpoint, `tx ty tz qw qx qy qz`. Where a writer knows none, it is the origin.
+/// The position of a viewpoint, `tx ty tz qw qx qy qz`. Writers without a viewpoint store the origin.
 fn place(words: &[&[u8]]) -> Option<[f64; 3]> {
     let mut place = [0.0; 3];
     for (coordinate, word) in place.iter_mut().zip(words.get(..3)?) {
@@ -129,7 +129,8 @@ impl<'a> Entries<'a> {
         Ok(Header { body, fields, points, row_words, row_bytes, viewpoint: self.viewpoint })
     }
 
-    /// What the lines say of a field. The first version had neither sizes nor types, nor do all files have counts.
+    /// Combines a field's entries. The first version has neither sizes nor types, and not all files have
+    /// counts.
     fn field(&self, place: usize, name: &'a [u8]) -> Result<Field<'a>> {
         let entry = |line: &str, words: &[&'a [u8]], default: &'static [u8]| match words.get(place) {
             Some(word) => Ok(*word),

@@ -1,8 +1,8 @@
 //! PCD, the format of the Point Cloud Library, versions 0.5 to 0.7.
 //!
-//! Points are the fields x y z; `normal_x` and so on, and the colour packed in rgb or rgba, are taken where they are.
-//! Of the viewpoint the place is taken, in the frame of the points, as PCL's normals take it; its rotation, which PCL
-//! applies where it draws a cloud, is not. All else is skipped.
+//! Points are the fields x y z; `normal_x` and so on, and the colour packed in rgb or rgba, are read if
+//! present. The viewpoint's position is read, in the frame of the points, as PCL's normals use it; its
+//! rotation, which PCL applies when it displays a cloud, is ignored. All other fields are skipped.
 
 mod header;
 
@@ -16,10 +16,11 @@ use crate::error::{Error, Result};
 use crate::execution::Execution;
 use crate::memory;
 
-/// Points, normals and colours of a file.
+/// Parses the points, normals and colours of a file.
 ///
 /// # Errors
-/// [`Error::InvalidInput`] where it is cut off or not a PCD file, [`Error::OutOfMemory`], [`Error::Interrupted`].
+/// [`Error::InvalidInput`] if the file is truncated or not a PCD file, [`Error::OutOfMemory`],
+/// [`Error::Interrupted`].
 pub fn parse(content: &[u8], execution: &Execution) -> Result<CloudContent> {
     let (header, lines) = header::read(content, execution)?;
     let wanted = Wanted::of(&header)?;
@@ -39,9 +40,9 @@ pub fn parse(content: &[u8], execution: &Execution) -> Result<CloudContent> {
     Ok(CloudContent { viewpoint: header.viewpoint, ..points.finish(None)? })
 }
 
-/// A field that is taken.
+/// A field that is read.
 struct Field {
-    /// Place in the row that is filled; None for a packed colour.
+    /// Column of the row; `None` for a packed colour.
     to: Option<usize>,
     scalar: Scalar,
     /// Words before it on a line.
@@ -50,7 +51,7 @@ struct Field {
     offset: usize,
 }
 
-/// The fields that are taken, in the file's order.
+/// The fields that are read, in the file's order.
 struct Wanted {
     fields: Vec<Field>,
     normals: bool,
@@ -80,7 +81,7 @@ impl Wanted {
             if let Some((_, to)) = place.map(|place| wanted.swap_remove(place)) {
                 fields.push(Field { to, scalar: field.scalar, words, offset });
             }
-            // The header was refused unless the sums over all fields are numbers.
+            // The header is rejected unless the sums over all fields are representable.
             words += field.count;
             offset += field.count * field.scalar.size();
         }
@@ -127,7 +128,7 @@ fn read_text(header: &Header, wanted: &Wanted, mut lines: Lines) -> Result<Point
     Ok(points)
 }
 
-/// Points whose fields begin at a byte, and go on by a number of bytes.
+/// Reads points whose fields begin at an offset and repeat with a stride.
 fn read_binary(
     header: &Header,
     wanted: &Wanted,
@@ -145,7 +146,7 @@ fn read_binary(
     Ok(points)
 }
 
-/// The plain columns of compressed data: two lengths, then that many bytes.
+/// Decompresses the columns: two lengths, then the data.
 fn decompress(header: &Header, body: &[u8], execution: &Execution) -> Result<Vec<u8>> {
     let cut_off = || Error::invalid("compressed data", "the end of the file", "the file is cut off");
     let (lengths, packed) = body.split_at_checked(8).ok_or_else(cut_off)?;

@@ -27,7 +27,7 @@ fn fields_are_found_by_name() -> Result<()> {
     row.extend(3.5_f32.to_le_bytes());
     row.extend(2.5_f64.to_le_bytes());
     row.push(0xff);
-    // A NaN, were it a number.
+    // A NaN if read as a number.
     row.extend([3, 2, 0xfa, 0xff]);
     row.extend([0_f32, 0.0, 1.0].map(f32::to_le_bytes).as_flattened());
     binary.extend(&row);

@@ -6,13 +6,13 @@ use crate::error::{Error, Result};
 use crate::execution::Execution;
 use crate::memory;
 
-/// What a file declares of itself.
+/// Declarations of a file.
 pub(super) struct Header<'a> {
     pub body: Body,
     pub elements: Vec<Element<'a>>,
 }
 
-/// How the rows are written.
+/// Encoding of the rows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Body {
     Text,
@@ -35,22 +35,22 @@ pub(super) struct Property<'a> {
 }
 
 impl Element<'_> {
-    /// Its name, for an error.
+    /// Its name for an error.
     pub fn title(&self) -> String {
         shown(self.name)
     }
 
-    /// Bytes of a row in binary: at least, where there are lists.
+    /// Bytes of a row in binary; the minimum if there are lists.
     pub fn row_bytes(&self) -> usize {
         self.properties.iter().map(|property| property.length.unwrap_or(property.scalar).size()).sum()
     }
 
-    /// The property of that name that is a single number.
+    /// Index of the property with that name, if it is a single number.
     pub fn scalar_place(&self, name: &str) -> Option<usize> {
         self.properties.iter().position(|each| each.length.is_none() && each.name == name.as_bytes())
     }
 
-    /// The property that lists the corners of a face, which goes by several names.
+    /// Index of the property that lists the corners of a face, which has several names.
     pub fn list_of_corners(&self) -> Option<usize> {
         if let [only] = self.properties.as_slice() {
             return only.length.map(|_| 0);
@@ -60,7 +60,7 @@ impl Element<'_> {
     }
 }
 
-/// The header, and the lines behind it.
+/// Reads the header; returns it with the lines after it.
 pub(super) fn read<'a>(content: &'a [u8], execution: &'a Execution) -> Result<(Header<'a>, Lines<'a>)> {
     let mut lines = Lines::new(content, BLANKS, execution);
     let first = lines.next_line()?;
@@ -94,7 +94,7 @@ pub(super) fn read<'a>(content: &'a [u8], execution: &'a Execution) -> Result<(H
                 };
                 memory::push(&mut element.properties, read_property(&mut line)?)?;
             }
-            // Comments, obj_info and what else there may be.
+            // Comments, obj_info and unknown lines.
             _ => {}
         }
     }
@@ -120,7 +120,7 @@ fn read_property<'a>(line: &mut Line<'a>) -> Result<Property<'a>> {
     Ok(Property { name: line.next_word()?.unwrap_or_default(), scalar, length })
 }
 
-/// The type that a word names: the one given, or else the next.
+/// The scalar type named by the given word, or else by the next.
 fn read_scalar<'a>(line: &mut Line<'a>, word: Option<&'a [u8]>) -> Result<Scalar> {
     let word = match word {
         Some(word) => word,

@@ -1,9 +1,9 @@
 //! PLY, the polygon file format (Turk 1994): a header that declares elements, then their rows in text or binary.
 //!
-//! Points are the element `vertex` with the properties x y z; nx ny nz and red green blue are taken where they are.
-//! Of 3D Gaussian splats (Kerbl et al. 2023; `opacity`, `scale_0`, `rot_0`), whose normals are fillers, those that can be seen are points.
-//! Triangles are the lists `vertex_indices` or `vertex_index` of the element `face`. All else is skipped, and what
-//! follows the last element wanted is not looked at.
+//! Points are the element `vertex` with the properties x y z; nx ny nz and red green blue are read if
+//! present. Of 3D Gaussian splats (Kerbl et al. 2023; `opacity`, `scale_0`, `rot_0`), whose normals are
+//! placeholders, the visible ones are points. Triangles are the lists `vertex_indices` or `vertex_index` of
+//! the element `face`. All other elements are skipped, and data after the last element used are not read.
 
 mod header;
 mod rows;
@@ -18,13 +18,14 @@ use crate::error::{Error, Result};
 use crate::execution::Execution;
 use crate::memory;
 
-/// Rows between two looks for an interruption.
+/// Rows between two checks for an interruption.
 const CHECK_EVERY: usize = 1 << 12;
 
-/// Points, normals, colours and triangles of a file.
+/// Parses the points, normals, colours and triangles of a file.
 ///
 /// # Errors
-/// [`Error::InvalidInput`] where it is cut off or not a PLY file, [`Error::OutOfMemory`], [`Error::Interrupted`].
+/// [`Error::InvalidInput`] if the file is truncated or not a PLY file, [`Error::OutOfMemory`],
+/// [`Error::Interrupted`].
 pub fn parse(content: &[u8], execution: &Execution) -> Result<CloudContent> {
     let (header, lines) = header::read(content, execution)?;
     match header.body {
@@ -74,13 +75,13 @@ fn read_points(element: &Element, source: &mut impl RowSource, execution: &Execu
         ));
     };
     let splat = places(["opacity", "scale_0", "rot_0"]);
-    // The opacity of splats takes the place of their normals, which are dropped.
+    // The opacity of splats replaces their normals, which are ignored.
     let normal = splat.map(|[opacity, ..]| [opacity; 3]).or_else(|| places(["nx", "ny", "nz"]));
     let color = places(["red", "green", "blue"]);
     let is_real = |place: usize| element.properties.get(place).is_some_and(|each| each.scalar.is_real());
     let scale = color
         .map(|places| if places.into_iter().any(is_real) { ColorScale::Reals } else { ColorScale::Bytes });
-    // For each property, its place in the row of numbers.
+    // Column of each property in the row of numbers.
     let mut columns = memory::filled(None, element.properties.len())?;
     let wanted = [(Some(position), POSITION), (normal, NORMAL), (color, COLOR)];
     for (from, to) in wanted.into_iter().filter_map(|(from, to)| Some(from?.into_iter().zip(to))).flatten() {
@@ -109,7 +110,7 @@ fn read_points(element: &Element, source: &mut impl RowSource, execution: &Execu
     Ok(if splat.is_some() { points.opaque() } else { points })
 }
 
-/// The numbers wanted of rows that have no lists.
+/// The columns used, for rows without lists.
 fn fixed_columns(element: &Element, wanted: &[Option<usize>]) -> Result<Vec<Column>> {
     let mut columns = Vec::new();
     let mut start = 0;

@@ -1,4 +1,4 @@
-//! The rows behind a PLY header, in text and in binary.
+//! The rows after a PLY header, in text and in binary.
 
 use super::header::{Element, Property};
 use crate::cloud_formats::fans::row_of;
@@ -7,18 +7,18 @@ use crate::cloud_formats::scalar::{ByteOrder, Scalar};
 use crate::error::{Error, Result};
 use crate::execution::Execution;
 
-/// Corners of a polygon between two looks for an interruption.
+/// Corners of a polygon between two checks for an interruption.
 const CHECK_EVERY: usize = 1 << 16;
 
-/// Where the numbers of rows come from.
+/// Source of the numbers of rows.
 pub(super) trait RowSource {
-    /// Bytes that are left.
+    /// Number of bytes left.
     fn room(&self) -> usize;
 
-    /// Bytes that a row takes at least.
+    /// Least number of bytes per row.
     fn least_bytes(&self, element: &Element) -> usize;
 
-    /// Takes all rows of an element at once, if they are bytes of fixed places.
+    /// Takes all rows of an element at once, if they are bytes with a fixed layout.
     fn take_fixed(&mut self, element: &Element) -> Result<Option<(&[u8], ByteOrder)>>;
 
     /// Begins the next row.
@@ -30,10 +30,10 @@ pub(super) trait RowSource {
     /// The next numbers of the row.
     fn numbers(&mut self, scalar: Scalar, count: usize, take: impl FnMut(f64) -> Result<()>) -> Result<()>;
 
-    /// The next number of the row, which is the length of a list.
+    /// The next number of the row, as the length of a list.
     fn length(&mut self, scalar: Scalar) -> Result<usize>;
 
-    /// Leaves out a property.
+    /// Skips a property.
     fn skip(&mut self, property: &Property) -> Result<()>;
 }
 
@@ -55,7 +55,7 @@ impl<'a> TextRows<'a> {
 
 impl RowSource for TextRows<'_> {
     fn room(&self) -> usize {
-        // As though the last number had a separator behind it.
+        // Counts a separator after the last number.
         self.lines.rest().len() + 1
     }
 
@@ -99,10 +99,10 @@ impl RowSource for TextRows<'_> {
     }
 }
 
-/// Rows without anything between them.
+/// Rows without separators.
 pub(super) struct BinaryRows<'a> {
     rest: &'a [u8],
-    /// Where the file ends, counted in bytes.
+    /// End of the file, in bytes.
     end: usize,
     order: ByteOrder,
     execution: &'a Execution,
@@ -114,7 +114,7 @@ impl<'a> BinaryRows<'a> {
         Self { rest, end: start + rest.len(), order, execution }
     }
 
-    /// The next bytes: so many, if that is a number.
+    /// The next `count` bytes, if `count` is valid.
     fn take(&mut self, count: Option<usize>) -> Result<&'a [u8]> {
         let split = count.and_then(|count| self.rest.split_at_checked(count));
         let (taken, rest) = split.ok_or_else(end_of_file)?;

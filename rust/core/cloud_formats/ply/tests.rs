@@ -106,7 +106,7 @@ fn splats_that_can_hardly_be_seen_are_at_no_place() -> Result<()> {
         let properties = names.map(|name| format!("property float {name}\n")).concat();
         format!("ply\nformat {format} 1.0\nelement vertex 3\n{properties}end_header\n")
     };
-    // Opacities 0.11, 0.09, and none that is a number.
+    // Opacities 0.11, 0.09, and NaN.
     let rows =
         [-2.09_f32, -2.31, f32::NAN].map(|opacity| [1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 0.5, opacity, -4.0, 1.0]);
     let mut binary = header("binary_little_endian").into_bytes();

@@ -1,28 +1,28 @@
 //! Arithmetic decoding with adaptive models (A. Said, *Introduction to Arithmetic Coding*, HPL-2004-76), as
 //! `LASzip` uses it.
 //!
-//! No sequence of bytes makes it fail: behind the end it reads zeros and remembers that, and a symbol is always one of
-//! its model's.
+//! No sequence of bytes makes it fail: beyond the end it reads zeros and remembers that, and a symbol is
+//! always one of its model's.
 
 use crate::error::Result;
 use crate::memory;
 
-/// An interval shorter than this takes in another byte.
+/// Interval length below which another byte is read.
 const SHORTEST: u32 = 1 << 24;
-/// Bits of the shares that a model gives its symbols.
+/// Bits of a symbol's share in a model.
 const SHARE_BITS: u32 = 15;
-/// The most that the symbols of a model are counted to, before all counts are halved.
+/// Total count of a model's symbols at which all counts are halved.
 const MOST_COUNTED: u32 = 1 << SHARE_BITS;
-/// The same of a model of bits.
+/// Bits of a share in a model of bits.
 const BIT_SHARE_BITS: u32 = 13;
 const MOST_BITS_COUNTED: u32 = 1 << BIT_SHARE_BITS;
-/// Bits that are read at a time.
+/// Most bits read at a time.
 const MOST_PLAIN_BITS: u32 = 19;
 
-/// Reads symbols from bytes.
+/// Decodes symbols from bytes.
 pub(super) struct Decoder<'a> {
     bytes: std::slice::Iter<'a, u8>,
-    /// Place in the interval, below `length`.
+    /// Position in the interval, below `length`.
     value: u32,
     length: u32,
     is_cut_off: bool,
@@ -38,7 +38,7 @@ impl<'a> Decoder<'a> {
         decoder
     }
 
-    /// Whether more was read than there is.
+    /// Whether more bytes were read than available.
     pub fn is_cut_off(&self) -> bool {
         self.is_cut_off
     }
@@ -54,7 +54,7 @@ impl<'a> Decoder<'a> {
         )
     }
 
-    /// Goes on in a part of the interval.
+    /// Narrows the interval to a part.
     #[inline]
     fn narrow(&mut self, start: u32, length: u32) {
         self.value -= start;
@@ -65,7 +65,7 @@ impl<'a> Decoder<'a> {
         }
     }
 
-    /// The next symbol of a model.
+    /// Decodes the next symbol of a model.
     #[inline]
     pub fn symbol(&mut self, model: &mut Model) -> Result<usize> {
         let counts = match &mut model.counts {
@@ -81,7 +81,7 @@ impl<'a> Decoder<'a> {
         Ok(symbol)
     }
 
-    /// The next bit of a model.
+    /// Decodes the next bit of a model.
     #[inline]
     pub fn bit(&mut self, model: &mut BitModel) -> bool {
         let zeros = model.share * (self.length >> BIT_SHARE_BITS);
@@ -95,7 +95,7 @@ impl<'a> Decoder<'a> {
         bit
     }
 
-    /// So many bits, at most 32, that no model foretells; damaged bytes can yield a number that is a little larger.
+    /// Decodes up to 32 bits without a model; damaged bytes can yield a slightly greater number.
     pub fn bits(&mut self, count: u32) -> u32 {
         if count > MOST_PLAIN_BITS {
             let low = self.bits(16);
@@ -108,7 +108,8 @@ impl<'a> Decoder<'a> {
     }
 }
 
-/// How often each symbol came so far. Most models of a chunk are never used, so memory is taken at their first use.
+/// Counts of each symbol so far. Most models of a chunk are never used, so memory is allocated at their first
+/// use.
 #[derive(Default)]
 pub(super) struct Model {
     symbols: u16,
@@ -120,19 +121,19 @@ impl Model {
         Self { symbols, counts: None }
     }
 
-    /// One for each of so many contexts.
+    /// One model for each of `N` contexts.
     pub fn several<const N: usize>(symbols: u16) -> [Self; N] {
         std::array::from_fn(|_| Self::new(symbols))
     }
 }
 
 struct Counts {
-    /// Of each symbol.
+    /// Count of each symbol.
     times: Vec<u16>,
-    /// Where the part of each symbol starts, in shares of the interval.
+    /// Start of each symbol's part, in shares of the interval.
     starts: Vec<u16>,
     total: u32,
-    /// Symbols until the shares are computed anew, and those that there were since.
+    /// Symbols between two updates of the shares, and symbols left until the next.
     period: u32,
     left: u32,
 }
@@ -148,7 +149,7 @@ impl Counts {
         Ok(new)
     }
 
-    /// The symbol in whose part a share lies.
+    /// The symbol whose part contains a share.
     #[inline]
     fn find(&self, share: u32) -> usize {
         self.starts.partition_point(|&start| u32::from(start) <= share).saturating_sub(1)
@@ -184,7 +185,7 @@ impl Counts {
     }
 }
 
-/// How often a bit was zero so far.
+/// Number of zero bits so far.
 pub(super) struct BitModel {
     zeros: u32,
     total: u32,

@@ -1,13 +1,13 @@
-//! Colours: which of their six bytes changed, and by how much.
+//! Colours: changed bytes, and their differences.
 
 use super::arithmetic::{Decoder, Model};
 use super::integers::Integers;
 use crate::error::Result;
 
-/// Bit of a set of changed bytes that says that the colour isn't grey.
+/// Bit of the set of changed bytes that marks a colour that is not grey.
 const NOT_GREY: usize = 1 << 6;
 
-/// Models of colours, since version 2: green and blue are predicted by the change of red.
+/// Models of colours, since version 2: green and blue are predicted from the change of red.
 pub(super) struct Colors {
     changed: Model,
     /// Lower and upper byte of red, green, blue.
@@ -21,7 +21,7 @@ impl Default for Colors {
 }
 
 impl Colors {
-    /// The colour that comes after the last one.
+    /// Decodes the colour after the last one.
     pub fn next(&mut self, decoder: &mut Decoder, last: [u16; 3]) -> Result<[u16; 3]> {
         let changed = decoder.symbol(&mut self.changed)?;
         let halves = last.map(u16::to_le_bytes);
@@ -52,7 +52,7 @@ impl Colors {
     }
 }
 
-/// Models of colours in version 1: each byte by itself.
+/// Models of colours in version 1: each byte separately.
 pub(super) struct ColorsOfVersion1 {
     changed: Model,
     bytes: Integers,
@@ -65,7 +65,7 @@ impl Default for ColorsOfVersion1 {
 }
 
 impl ColorsOfVersion1 {
-    /// The colour that comes after the last one.
+    /// Decodes the colour after the last one.
     pub fn next(&mut self, decoder: &mut Decoder, last: [u16; 3]) -> Result<[u16; 3]> {
         let changed = decoder.symbol(&mut self.changed)?;
         let mut halves = last.map(u16::to_le_bytes);

@@ -1,25 +1,25 @@
-//! Integers that are predicted: what is coded is the difference, first its number of bits, then its value.
+//! Predicted integers: the difference is coded, first its number of bits, then its value.
 
 use super::arithmetic::{BitModel, Decoder, Model};
 use crate::error::Result;
 
-/// Bits of a difference that a model foretells; those below them are plain.
+/// Upper bits of a difference coded by a model; the lower bits are plain.
 const MODELLED_BITS: u32 = 8;
 
 /// Models of the differences of one quantity.
 pub(super) struct Integers {
     bits: u32,
-    /// Of the number of bits, one per context.
+    /// Models of the number of bits, one per context.
     sizes: Vec<Model>,
-    /// Of a difference of no bits, which is 0 or 1.
+    /// Model of a difference of no bits, which is 0 or 1.
     smallest: BitModel,
-    /// Of the upper bits of longer ones, by their number.
+    /// Models of the upper bits of longer differences, by number of bits.
     differences: Vec<Model>,
     size: u32,
 }
 
 impl Integers {
-    /// Integers of 8, 16 or 32 bits.
+    /// Models for integers of 8, 16 or 32 bits.
     pub fn new(bits: u32, contexts: usize) -> Self {
         Self {
             bits,
@@ -35,7 +35,7 @@ impl Integers {
         self.size
     }
 
-    /// The next integer.
+    /// Decodes the next integer.
     pub fn next(&mut self, decoder: &mut Decoder, predicted: i32, context: usize) -> Result<i32> {
         self.size = decoder.symbol(&mut self.sizes[context])? as u32;
         let integer = predicted.wrapping_add(self.difference(decoder)?);
@@ -63,7 +63,7 @@ impl Integers {
             let plain = size - MODELLED_BITS;
             difference = difference << plain | decoder.bits(plain) as i32;
         }
-        // The lower half stands for negative ones.
+        // The lower half encodes negative differences.
         Ok(if difference >= 1 << (size - 1) {
             difference.wrapping_add(1)
         } else {
@@ -72,11 +72,11 @@ impl Integers {
     }
 }
 
-/// Median of the last five differences, as they come.
+/// Running median of the last five differences.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Median {
     sorted: [i32; 5],
-    /// Whether the next one drops the smallest and not the largest.
+    /// Whether the next difference replaces the smallest or the largest.
     drops_smallest: bool,
 }
 

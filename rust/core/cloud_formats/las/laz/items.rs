@@ -1,23 +1,23 @@
-//! The record that says how points are compressed.
+//! The record that describes the compression of points.
 
 use super::super::bytes_at;
 use super::super::header::Header;
 use crate::error::{Error, Result};
 
-/// Bytes of the head of a variable-length record, and where in it the length of its content stands.
+/// Bytes of the head of a variable-length record, and offset of its content's length.
 const RECORD_HEAD: usize = 54;
 const RECORD_LENGTH: usize = 20;
 const NAME: &[u8] = b"laszip encoded";
-/// Bytes before the items, and of each.
+/// Bytes before the items, and per item.
 const ITEMS: usize = 34;
 const ITEM: usize = 6;
 
-/// What a point consists of, and how it is coded.
+/// Items of a point, and their coding.
 pub(super) struct Layout {
     pub items: Vec<Item>,
     pub are_layered: bool,
     pub is_one_chunk: bool,
-    /// Points of a chunk; None where the table of the chunks has them.
+    /// Points per chunk; `None` if the table of chunks lists them.
     pub chunk: Option<usize>,
 }
 
@@ -28,7 +28,7 @@ pub(super) struct Item {
     pub version: u16,
 }
 
-/// In the order in which a point has them.
+/// In the order of a point's items.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd)]
 pub(super) enum Kind {
     Position,
@@ -44,7 +44,7 @@ pub(super) enum Kind {
 }
 
 impl Kind {
-    /// The kind of a number, and the bytes that it takes unless any number will do.
+    /// The kind of a type number, and its size in bytes if that is fixed.
     fn of(number: u16) -> Option<(Self, Option<usize>)> {
         Some(match number {
             0 => (Self::Bytes, None),
@@ -84,7 +84,7 @@ impl Item {
     }
 }
 
-/// The items of a file.
+/// Reads the items of a file.
 pub(super) fn read(header: &Header, content: &[u8]) -> Result<Layout> {
     let record = find(header, content)
         .ok_or_else(|| Error::invalid("header", "no record of LASzip", "the file is damaged"))?;
@@ -109,7 +109,7 @@ fn find<'a>(header: &Header, content: &'a [u8]) -> Option<&'a [u8]> {
     None
 }
 
-/// The items of a record; None where they make no point of the header's.
+/// Parses the items of a record; `None` if they do not match the header's points.
 fn parsed(record: &[u8], header: &Header) -> Option<Layout> {
     let short = |at| bytes_at(record, at).map(u16::from_le_bytes);
     let (compressor, coder) = (short(0)?, short(2)?);

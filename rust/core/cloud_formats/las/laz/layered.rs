@@ -1,5 +1,5 @@
-//! Point formats 6 to 10: the items of a chunk's points are parted into layers, each a sequence of bits. Those of the
-//! coordinates and of the colours are decoded, all others are skipped.
+//! Point formats 6 to 10: the items of a chunk's points are stored in layers, each a separate bit sequence.
+//! The layers of coordinates and colours are decoded, all others are skipped.
 
 use super::super::{Point, Points, bytes_at, color_at};
 use super::arithmetic::{Decoder, Model};
@@ -11,16 +11,16 @@ use super::pointwise::{height_context, step};
 use crate::error::Result;
 use crate::execution::Execution;
 
-/// Channels of a scanner, whose points are told apart.
+/// Scanner channels, whose points are predicted separately.
 const CHANNELS: usize = 4;
-/// Bytes of a position, with what else belongs to it.
+/// Bytes of a position with its attributes.
 const POSITION: usize = 30;
-/// Layers of a position: returns with x and y, z, and what isn't wanted.
+/// Layers of a position: returns with x and y, z, and those that are skipped.
 const POSITION_LAYERS: usize = 9;
-/// Bytes of a layer's size, and of the count of points before the sizes.
+/// Bytes of a layer's size, and of the number of points before the sizes.
 const SIZE: usize = 4;
 
-/// Adds the points of a chunk: the first one, and so many behind it.
+/// Adds the points of a chunk: the first one, and `more` after it.
 pub(super) fn read(
     layout: &Layout,
     first: &[u8],
@@ -34,7 +34,7 @@ pub(super) fn read(
         position: [0, 4, 8].map(|at| bytes_at(first, at).map_or(0, i32::from_le_bytes)),
         color: if has_color(layout) { color_at(first, POSITION) } else { [0; 3] },
     };
-    // Until version 4, colours follow the channel only where it has just changed.
+    // Before version 4, colours follow the channel only if it has just changed.
     let is_version_4 = layout.items.iter().all(|item| item.version == 4);
     let mut positions = Positions::new(first, &layers, point.position);
     let mut colors =
@@ -52,19 +52,19 @@ pub(super) fn read(
     Ok(())
 }
 
-/// Whether there are colours; they come right behind the position.
+/// Whether there are colours, which directly follow the position.
 fn has_color(layout: &Layout) -> bool {
     layout.items.get(1).is_some_and(|item| item.kind.is_color())
 }
 
-/// The layers that are wanted; one that is empty says that nothing changes.
+/// The layers used; an empty one means that nothing changes.
 struct Layers<'a> {
     returns: &'a [u8],
     z: &'a [u8],
     color: &'a [u8],
 }
 
-/// Parts the bytes behind a chunk's first point; None where a layer ends behind them.
+/// Splits the bytes after a chunk's first point; `None` if a layer exceeds them.
 fn layers<'a>(layout: &Layout, rest: &'a [u8]) -> Option<Layers<'a>> {
     let numbers = layout.items.iter().map(|item| match item.kind {
         Kind::LayeredPosition => POSITION_LAYERS,
@@ -88,7 +88,7 @@ fn layers<'a>(layout: &Layout, rest: &'a [u8]) -> Option<Layers<'a>> {
     Some(layers)
 }
 
-/// Context of the steps of a return in its pulse, by the number of returns and the return's own.
+/// Context of a return's steps within its pulse, by the number of returns and the return's own number.
 const RETURNS: [[u8; 16]; 16] = [
     [0, 1, 2, 3, 4, 5, 3, 4, 4, 5, 5, 5, 5, 5, 5, 5],
     [1, 0, 1, 3, 3, 3, 3, 3, 3, 3, 3, 3, 3, 3, 3, 3],
@@ -113,14 +113,14 @@ struct Positions<'a> {
     returns: Decoder<'a>,
     z: Option<Decoder<'a>>,
     channel: usize,
-    /// Empty until a point of the channel comes.
+    /// `None` until the channel has a point.
     channels: [Option<Box<Channel>>; CHANNELS],
 }
 
-/// What the points of a channel are predicted by.
+/// State that predicts the points of a channel.
 struct Channel {
     position: [i32; 3],
-    /// The last return's own number, and that of its pulse.
+    /// Number of the last return, and number of returns of its pulse.
     this: usize,
     number: usize,
     has_new_time: bool,
@@ -132,14 +132,14 @@ struct Channel {
     x: Integers,
     y: Integers,
     z: Integers,
-    /// Of the steps in x and y, by the context of the return and whether its time is new.
+    /// Medians of the steps in x and y, by the context of the return and whether its time is new.
     steps: [[Median; 2]; 12],
-    /// The last height, by how many returns of the pulse come after this one.
+    /// The last height, by the number of later returns of the pulse.
     heights: [i32; 8],
 }
 
 impl Channel {
-    /// A channel whose first point comes after one at a position.
+    /// A channel whose first point follows one at a position.
     fn new(position: [i32; 3], this: usize, number: usize) -> Box<Self> {
         Box::new(Self {
             position,
@@ -174,7 +174,7 @@ impl<'a> Positions<'a> {
         }
     }
 
-    /// Moves to the next point; whether it is of another channel.
+    /// Decodes the next point; returns whether its channel differs.
     fn next(&mut self, point: &mut Point) -> Result<bool> {
         let decoder = &mut self.returns;
         let mut last = self.channels[self.channel].as_mut().ok_or_else(cut_off)?;
@@ -226,7 +226,7 @@ struct LayeredColors<'a> {
 }
 
 impl<'a> LayeredColors<'a> {
-    /// One that begins with a colour.
+    /// Decoder that begins with a colour.
     fn new(layer: &'a [u8], channel: usize, color: [u16; 3]) -> Self {
         let mut last = [None; CHANNELS];
         last[channel] = Some(color);
@@ -234,7 +234,7 @@ impl<'a> LayeredColors<'a> {
         Self { decoder, channel, models: Default::default(), last }
     }
 
-    /// The next colour, of a channel.
+    /// Decodes the next colour of a channel.
     fn next(&mut self, channel: usize, is_version_4: bool) -> Result<[u16; 3]> {
         let mut place = self.channel;
         if channel != place {
@@ -242,7 +242,7 @@ impl<'a> LayeredColors<'a> {
             if is_new {
                 self.last[channel] = self.last[place];
             }
-            // Until version 4, a channel that had points goes on from the last colour of the one before.
+            // Before version 4, a channel that had points continues from the previous channel's last colour.
             if is_new || is_version_4 {
                 place = channel;
             }

@@ -1,8 +1,9 @@
 //! LAZ, the format of `LASzip` (M. Isenburg, 2013), versions 1 to 4 of its items.
 //!
-//! Points are coded in chunks, each of which begins with a whole point; a table behind them says how long each is. A
-//! record of the header describes the items that a point consists of. Point formats 0 to 5 are coded point after point,
-//! so all items are decoded; 6 to 10 are coded in layers, of which those are decoded that hold coordinates and colours.
+//! Points are coded in chunks, each of which begins with a whole point; a table after them lists their
+//! lengths. A record of the header describes the items of a point. Point formats 0 to 5 are coded point by
+//! point, so all items are decoded; 6 to 10 are coded in layers, and only those of coordinates and colours
+//! are decoded.
 
 mod arithmetic;
 mod colors;
@@ -22,14 +23,14 @@ use crate::error::{Error, Result};
 use crate::execution::Execution;
 use crate::memory;
 
-/// Points of at most so many bytes may be packed as tightly as they will.
+/// Total size of points up to which any compression ratio is accepted.
 const TRUSTED: usize = 64 << 20;
-/// Times that more of them grow; scans that were measured grow five to twenty times.
+/// Greatest compression ratio beyond that; real scans have five to twenty.
 const MOST_GROWTH: usize = 100;
-/// What a point takes when it is read, at least.
+/// Least memory of a decoded point, in bytes.
 const LEAST: usize = 32;
 
-/// Points of a file.
+/// Reads the points of a file.
 pub(super) fn read(header: &Header, content: &[u8], execution: &Execution) -> Result<Points> {
     let layout = items::read(header, content)?;
     let chunks = chunks(header, &layout, content)?;
@@ -53,13 +54,13 @@ pub(super) fn read(header: &Header, content: &[u8], execution: &Execution) -> Re
     Ok(points)
 }
 
-/// Points that are coded together, at least one.
+/// Points coded together, at least one.
 struct Chunk<'a> {
     points: usize,
     bytes: &'a [u8],
 }
 
-/// All chunks, as their table says.
+/// All chunks, according to their table.
 fn chunks<'a>(header: &Header, layout: &Layout, content: &'a [u8]) -> Result<Vec<Chunk<'a>>> {
     let mut chunks = Vec::new();
     if header.count == 0 {
@@ -94,8 +95,8 @@ fn chunks<'a>(header: &Header, layout: &Layout, content: &'a [u8]) -> Result<Vec
     if left > 0 { Err(miscounted(header.count)) } else { Ok(chunks) }
 }
 
-/// The chunks, and behind them their table, whose place stands before them or, of a file that was written as a stream,
-/// at its end.
+/// Splits the chunks from their table. The table's position is stored before the chunks, or at the end of a
+/// file written as a stream.
 fn parted(start: usize, content: &[u8]) -> Result<(&[u8], &[u8])> {
     let place = |at: usize| {
         let data = start.checked_add(8)?;

@@ -1,4 +1,4 @@
-//! Point formats 0 to 5: the items of a point follow each other in one sequence of bits.
+//! Point formats 0 to 5: the items of a point follow each other in one bit sequence.
 
 use super::super::{Point, Points, bytes_at, color_at};
 use super::arithmetic::{Decoder, Model};
@@ -11,7 +11,7 @@ use crate::error::Result;
 use crate::execution::Execution;
 use crate::memory;
 
-/// Adds the points of a chunk: the first one, and so many behind it.
+/// Adds the points of a chunk: the first one, and `more` after it.
 pub(super) fn read(
     layout: &Layout,
     first: &[u8],
@@ -45,7 +45,7 @@ pub(super) fn read(
 
 /// A decoder of one item.
 trait Field {
-    /// Takes the item of the next point, and puts into the point what is wanted of it.
+    /// Decodes the item of the next point, and writes its used values to the point.
     fn next(&mut self, decoder: &mut Decoder, point: &mut Point) -> Result<()>;
 }
 
@@ -100,8 +100,8 @@ impl Field for TimesOfVersion1 {
     }
 }
 
-/// Context of a point's return in its pulse, by the number of returns and the return's own. Those that can't be have
-/// contexts too, as files have them.
+/// Context of a point's return within its pulse, by the number of returns and the return's own number.
+/// Impossible combinations also have contexts, since files contain them.
 const RETURNS: [[u8; 8]; 8] = [
     [15, 14, 13, 12, 11, 10, 9, 8],
     [14, 0, 1, 3, 6, 10, 10, 9],
@@ -113,12 +113,12 @@ const RETURNS: [[u8; 8]; 8] = [
     [8, 9, 10, 11, 12, 13, 14, 15],
 ];
 
-/// What else item 6 holds: returns, class and so on.
+/// Other content of item 6: returns, class and so on.
 struct Attributes {
     returns: u8,
     class: u8,
     user: u8,
-    /// By the value before, each.
+    /// Models by the previous value.
     returns_after: Vec<Model>,
     classes_after: Vec<Model>,
     users_after: Vec<Model>,
@@ -164,9 +164,9 @@ struct Positions {
     x: Integers,
     y: Integers,
     z: Integers,
-    /// Of the steps in x and y, by the context of the return.
+    /// Medians of the steps in x and y, by the context of the return.
     steps: [[Median; 2]; 16],
-    /// The last height, by how many returns of the pulse come after this one.
+    /// The last height, by the number of later returns of the pulse.
     heights: [i32; 8],
 }
 
@@ -220,7 +220,7 @@ impl Field for Positions {
     }
 }
 
-/// Moves x and y by steps like the last ones.
+/// Moves x and y by steps predicted from the previous ones.
 pub(super) fn step(
     decoder: &mut Decoder,
     position: &mut [i32; 3],
@@ -238,7 +238,7 @@ pub(super) fn step(
     Ok(())
 }
 
-/// Context of the height of a point, by how far it is from the last one.
+/// Context of a point's height, by its distance from the last point.
 pub(super) fn height_context(x: &Integers, y: &Integers, is_single: bool) -> usize {
     usize::from(is_single) + (usize::midpoint(x.size() as usize, y.size() as usize)).min(18) / 2 * 2
 }
@@ -313,10 +313,10 @@ fn median(mut steps: [i32; 3]) -> i32 {
     steps[1]
 }
 
-/// Descriptions of waveforms, which only say how many bits they take.
+/// Descriptions of waveforms, decoded only to skip their bits.
 struct Waves {
     indices: Model,
-    /// How the place is coded, by how the last one was.
+    /// Models of the offset's coding, by the coding of the last one.
     kinds: [Model; 4],
     kind: usize,
     distances: Integers,
@@ -362,7 +362,7 @@ impl Field for Waves {
     }
 }
 
-/// Bytes that a writer added, since version 2.
+/// Extra bytes, since version 2.
 struct Bytes {
     models: Vec<Model>,
 }
@@ -373,7 +373,7 @@ impl Field for Bytes {
     }
 }
 
-/// Bytes that a writer added, in version 1.
+/// Extra bytes, in version 1.
 struct BytesOfVersion1 {
     integers: Integers,
     count: usize,

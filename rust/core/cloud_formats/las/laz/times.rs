@@ -1,10 +1,11 @@
-//! GPS times. Nobody asks for them, but they stand between the coordinates; only what tells how many bits they take is kept.
+//! GPS times. They are not used, but stored between the coordinates; only the state that determines their
+//! length is kept.
 
 use super::arithmetic::{Decoder, Model};
 use super::integers::Integers;
 use crate::error::Result;
 
-/// Sequences of times that are told apart.
+/// Separately predicted sequences of times.
 const SEQUENCES: usize = 4;
 /// The largest multiple of the last difference, and the most negative one.
 const MOST: usize = 500;
@@ -12,11 +13,11 @@ const LEAST: usize = 10;
 /// Codes of the first negative multiple and the last.
 const NEGATIVE: usize = MOST + 1;
 const LEAST_CODE: usize = MOST + LEAST;
-/// Codes behind those of multiples: the same time again, a time in full, and the other sequences.
+/// Codes after those of multiples: the same time again, a full time, and the other sequences.
 const UNCHANGED: usize = LEAST_CODE + 1;
 const FULL: usize = UNCHANGED + 1;
 const CODES: u16 = (FULL + SEQUENCES) as u16;
-/// Differences out of the ordinary, one after the other, until they are the ordinary ones.
+/// Number of consecutive extreme differences after which they become the regular ones.
 const MOST_EXTREME: u32 = 3;
 
 /// Models of times, since version 2.
@@ -24,7 +25,7 @@ pub(super) struct Times {
     differences: [i32; SEQUENCES],
     extremes: [u32; SEQUENCES],
     last: usize,
-    /// The sequence that was begun last.
+    /// The most recently begun sequence.
     newest: usize,
     codes_after_none: Model,
     codes: Model,
@@ -47,7 +48,7 @@ impl Default for Times {
 
 impl Times {
     pub fn next(&mut self, decoder: &mut Decoder) -> Result<()> {
-        // A time is at most one step away from its sequence; damaged bytes could go on for ever.
+        // A time is at most one step away from its sequence; damaged bytes could continue for ever.
         for _ in 0..SEQUENCES {
             let other = if self.differences[self.last] == 0 {
                 self.after_none(decoder)?
@@ -60,7 +61,7 @@ impl Times {
         Ok(())
     }
 
-    /// Steps to the sequence that the time belongs to, unless it is this one; its last two times were the same.
+    /// Decodes a time after two equal ones; returns the steps to the time's sequence unless it is this one.
     fn after_none(&mut self, decoder: &mut Decoder) -> Result<Option<usize>> {
         match decoder.symbol(&mut self.codes_after_none)? {
             0 => {}
@@ -74,11 +75,11 @@ impl Times {
         Ok(None)
     }
 
-    /// The same where they differed.
+    /// Decodes a time after two different ones.
     fn after_some(&mut self, decoder: &mut Decoder) -> Result<Option<usize>> {
         let difference = self.differences[self.last];
         let code = decoder.symbol(&mut self.codes)?;
-        // The multiple that is expected, the context, and whether it is out of the ordinary.
+        // The expected multiple, the context, and whether the difference is extreme.
         let (multiple, context, is_extreme) = match code {
             0 => (0, 7, true),
             1 => (1, 1, false),
@@ -108,7 +109,7 @@ impl Times {
         Ok(None)
     }
 
-    /// Begins a sequence, by a time in full.
+    /// Begins a sequence with a full time.
     fn begin(&mut self, decoder: &mut Decoder) -> Result<()> {
         self.newest = (self.newest + 1) % SEQUENCES;
         self.integers.next(decoder, 0, 8)?;
@@ -120,7 +121,7 @@ impl Times {
     }
 }
 
-/// Codes of version 1 behind those of multiples: a time in full, the same time again.
+/// Codes of version 1 after those of multiples: a full time, the same time again.
 const FULL_OF_VERSION1: usize = 510;
 const CODES_OF_VERSION1: u16 = 512;
 
