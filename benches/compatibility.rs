@@ -1,5 +1,5 @@
-//! What the grouping methods are made of, on seeded problems with one inlier in ten: tests of pairs,
-//! pairwise matrices, residuals, eigenvectors, thresholds. The size stands in the id.
+//! Components of the grouping methods on seeded problems with one inlier in ten: tests of pairs, pairwise
+//! matrices, residuals, eigenvectors, thresholds. The id contains the size.
 
 #[path = "../tests/common/mod.rs"]
 mod common;
@@ -21,7 +21,7 @@ use criterion::{BenchmarkGroup, BenchmarkId, Criterion, Throughput, criterion_gr
 /// A length, in units of the problems' resolution.
 const TOLERANCE: f64 = 5.0;
 
-/// Hypotheses of which the best is sought.
+/// Hypotheses from which the best is selected.
 const HYPOTHESES: usize = 100;
 
 fn sides(n: usize) -> Result<(Points, Points)> {
@@ -39,7 +39,7 @@ fn agreement(group: &mut BenchmarkGroup<'_, WallTime>, source: &Points, target: 
     });
 }
 
-/// A product with the matrix, and the making of it; the throughput counts each pair once.
+/// A product with the matrix, and its construction; the throughput counts each pair once.
 fn matrix(group: &mut BenchmarkGroup<'_, WallTime>, source: &Points, target: &Points) {
     let n = source.len();
     let x = vec![1.0 / n as f64; n];

@@ -1,6 +1,6 @@
 //! The front end on a bumpy closed surface of 40,000 points, unit = resolution.
 //!
-//! `neighbors/*` set the crate's own searches beside kiddo. Radii are those that PCL is timed with.
+//! `neighbors/*` compare the crate's own searches with kiddo. Radii are those of the PCL timings.
 
 use std::f64::consts::PI;
 use std::hint::black_box;
@@ -65,7 +65,7 @@ fn scene() -> Result<Scene> {
     Ok(Scene { cloud, normals: fits.into_iter().map(|fit| fit.normal).collect(), keypoints })
 }
 
-/// kiddo's tree over the points, and the rows in its order, so that its queries too share what is in the cache.
+/// kiddo's tree over the points, and the rows in its order, so that its queries also share the cache.
 fn kiddo_tree(points: &Points) -> Option<(Tree, Vec<[f64; 3]>)> {
     let rows: Vec<_> = points.rows().collect();
     let tree = Tree::new_from_slice(&rows).ok()?;
@@ -73,7 +73,7 @@ fn kiddo_tree(points: &Points) -> Option<(Tree, Vec<[f64; 3]>)> {
     Some((tree, order.iter().map(|&index| rows[index as usize]).collect()))
 }
 
-/// Every search of the crate beside kiddo: building, and the queries that the front end and SI make.
+/// Every search of the crate compared with kiddo: construction, and the queries of the front end and of SI.
 fn neighbors(criterion: &mut Criterion) {
     let Ok(Scene { cloud, .. }) = scene() else { return };
     let mut group = criterion.benchmark_group("neighbors");
@@ -96,7 +96,8 @@ fn build(group: &mut BenchmarkGroup<'_, WallTime>, points: &Points) {
     group.bench_function("build/sets", |b| b.iter(|| NearestSets::new(points, &execution)));
 }
 
-/// One nearest other point, as the resolution needs, and 19 of them, as normals do. kiddo finds the point itself too.
+/// One nearest other point, as for the resolution, and 19 of them, as for normals. kiddo also finds the point
+/// itself.
 fn nearest(group: &mut BenchmarkGroup<'_, WallTime>, points: &Points) {
     let execution = Execution::default();
     let Ok(tree) = NearestNeighbors::new(points, &execution) else { return };
@@ -146,7 +147,7 @@ fn within(group: &mut BenchmarkGroup<'_, WallTime>, points: &Points) {
     }
 }
 
-/// The 250 nearest of each of 5,000 scattered points, as SI asks for.
+/// The 250 nearest of each of 5,000 scattered points, as for SI.
 fn nearest_sets(group: &mut BenchmarkGroup<'_, WallTime>) {
     let scattered = |i: u32| [1.1, 2.3, 3.7].map(|f| (f64::from(i) * f).sin());
     let rows: Vec<[f64; 3]> = (0..5_000).map(scattered).collect();
@@ -168,7 +169,7 @@ fn nearest_sets(group: &mut BenchmarkGroup<'_, WallTime>) {
     });
 }
 
-/// Each step alone, on a cloud that nothing has been built for yet; and a whole front end on one cloud.
+/// Each step alone, on a new cloud; and a whole front end on one cloud.
 fn clouds(criterion: &mut Criterion) {
     let Ok(Scene { cloud, normals, keypoints }) = scene() else { return };
     let fresh = || Cloud::new(cloud.points().clone());
@@ -229,8 +230,8 @@ fn front_end(cloud: &Cloud, execution: &Execution) -> Result<usize> {
     Ok(shot.describe(cloud, &normals, &kept, Some(&frames), execution)?.len())
 }
 
-/// Descriptors of neighbouring keypoints, as two scans of one surface have them: the crate's blocked
-/// products beside a kd-tree, for the lengths of LFSH, RCS and SHOT.
+/// Descriptors of neighbouring keypoints, as in two scans of one surface: the crate's blocked products
+/// compared with a kd-tree, for the lengths of LFSH, RCS and SHOT.
 fn matching(criterion: &mut Criterion) {
     let Ok(scene) = scene() else { return };
     let execution = Execution::default();

@@ -1,5 +1,5 @@
-//! Every method with its default parameters on seeded problems: one inlier in ten, and LC's with as few as it is made for, and with many;
-//! cliques of few, many and noisy ones.
+//! Every method with default parameters on seeded problems with one inlier in ten; LC with few and many
+//! inliers; cliques of few, many and noisy inliers.
 
 #[path = "../tests/common/mod.rs"]
 mod common;
@@ -59,7 +59,7 @@ fn likelihood_consensus(criterion: &mut Criterion) -> Result<()> {
     Ok(())
 }
 
-/// What pruning and the kinds of cliques take, with few right ones, many, and many that are noisy.
+/// Pruning and the kinds of cliques, with few, many, and many noisy inliers.
 fn cliques(criterion: &mut Criterion) -> Result<()> {
     let mut group = criterion.benchmark_group("cliques");
     group.sample_size(10);

@@ -1,4 +1,5 @@
-//! Pose graphs of a walk to and fro over a square grid, with loops to the rows before: 10,000 nodes and about 50,000 edges.
+//! Pose graphs of a back-and-forth walk over a square grid, with loops to earlier rows: 10,000 nodes and
+//! about 50,000 edges.
 
 use cgroup::geometry::rigid::Rigid;
 use cgroup::pose_graph::{Edge, Start, optimize};

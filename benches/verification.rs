@@ -1,7 +1,7 @@
-//! Poses judged on two halves of a bumpy closed surface, unit = 0.4 of the distance between points.
+//! Poses scored on two halves of a bumpy closed surface, unit = 0.4 of the distance between points.
 //!
-//! The cells of a surface's grids are filled when they are first looked into: `fresh` has new surfaces in every round,
-//! `again` those of the rounds before.
+//! The cells of a surface's grids are filled at their first lookup: `fresh` uses new surfaces in every round,
+//! `again` those of earlier rounds.
 
 use std::f64::consts::PI;
 use std::hint::black_box;
@@ -14,11 +14,12 @@ use criterion::{BatchSize, BenchmarkId, Criterion, criterion_group, criterion_ma
 use nalgebra::{Rotation3, Vector3};
 
 const UNIT: f64 = 0.4;
-/// Of the fine surfaces: the distance between points.
+/// Spacing of the fine surfaces: the distance between points.
 const SPACING: f64 = 1.0;
 const POSES: u64 = 1_000;
 
-/// Points of a golden-angle lattice on a sphere with bumps, from one end to a share of the way to the other.
+/// Points of a golden-angle lattice on a bumpy sphere, between two fractions of the way from one pole to the
+/// other.
 fn part(count: u32, first: f64, last: f64) -> Result<(Points, Vec<Vector3<f64>>)> {
     let size = (f64::from(count) / (4.0 * PI) / (last - first)).sqrt();
     let place = |i: u32| {
@@ -33,7 +34,7 @@ fn part(count: u32, first: f64, last: f64) -> Result<(Points, Vec<Vector3<f64>>)
     Ok((Points::from_rows("points", &rows)?, normals))
 }
 
-/// Poses from near the right one, which is none, to anywhere.
+/// Poses from near the correct one, the identity, to arbitrary ones.
 fn poses(size: f64) -> Vec<Rigid> {
     let number = |i: u64, k: usize| random_words(k as u64, i)[0] as f64 / u64::MAX as f64 - 0.5;
     let pose = |i: u64| {

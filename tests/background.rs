@@ -1,4 +1,4 @@
-//! Many callers at once on kept pools of threads, some of them interrupted: what the binding does, without Python.
+//! Many concurrent callers on kept thread pools, some of them interrupted: the binding without Python.
 
 #[path = "../rust/py/background.rs"]
 mod background;
@@ -11,7 +11,7 @@ use background::{Failure, compute, give_back, take_pool};
 use cgroup::{Error, Execution};
 use rayon::prelude::*;
 
-/// Callers at once, and calls of each.
+/// Concurrent callers, and calls of each.
 const CALLERS: usize = 6;
 const CALLS: usize = 25;
 
@@ -39,7 +39,7 @@ fn sum(execution: &Execution, count: usize) -> Result<usize, Error> {
     (0..count).into_par_iter().map(each).sum()
 }
 
-/// Works on until it is asked to stop or interrupted.
+/// Works until it is asked to stop or interrupted.
 fn work_on(execution: &Execution) -> Result<usize, Error> {
     while !execution.is_stopped() {
         execution.check()?;

@@ -1,4 +1,4 @@
-//! Group matches: 1,000 pairs of points, of which 50 are right. Which ones, and what is the pose?
+//! Group matches: select the 50 correct ones among 1,000 pairs of points, and estimate the pose.
 #![expect(clippy::print_stdout, reason = "an example shows its result")]
 
 use cgroup::grouping::likelihood_consensus::LikelihoodConsensus;
@@ -6,8 +6,8 @@ use cgroup::{Correspondences, Execution, GroupingMethod, Result};
 use nalgebra::{Rotation3, Vector3};
 
 fn main() -> Result<()> {
-    // Matches as a matcher gives them: row i of `source` goes with row i of `target`. Here they are drawn, and the first
-    // 50 follow one motion.
+    // Row i of `source` matches row i of `target`, as from a matcher. Here the matches are random, and the
+    // first 50 follow one motion.
     let mut state = 1_u64;
     let mut number = || {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -22,7 +22,8 @@ fn main() -> Result<()> {
         target.push(if i < 50 { (rotation * p + translation + noise).into() } else { elsewhere.into() });
     }
 
-    // Noise in the unit of the points: two right matches change the distance between their points by less.
+    // Noise in the unit of the points: the distance between the points of two correct matches changes by
+    // less.
     let method = LikelihoodConsensus { tolerance: Some(1.5), ..LikelihoodConsensus::default() };
     let group = method.group(&Correspondences::new(&source, &target)?, &Execution::default())?;
 

@@ -1,4 +1,5 @@
-//! Register two scans: voxels, normals, descriptors, matches, a group of them, and its poses judged on the surfaces.
+//! Register two scans: voxels, normals, descriptors, matches, a group of them, and its poses verified on the
+//! surfaces.
 #![expect(clippy::print_stdout, reason = "an example shows its result")]
 
 use std::f64::consts::PI;
@@ -14,17 +15,17 @@ use cgroup::{Cloud, Correspondences, Execution, GroupingMethod, Points, Result};
 use nalgebra::{Isometry3, Point3, Vector3};
 
 const VOXEL: f64 = 2.0;
-/// Of the surfaces that judge poses, and of the matches.
+/// Unit of the surfaces that score poses, and of the matches.
 const UNIT: f64 = 0.4 * VOXEL;
 
-/// A scan thinned out, and what is computed of it.
+/// A downsampled scan with its features.
 struct Prepared {
     points: Vec<[f64; 3]>,
     descriptors: Descriptors,
     surface: Surface,
 }
 
-/// Prepares a scan whose scanner stands at the origin.
+/// Prepares a scan with the scanner at the origin.
 fn prepare(scan: &[[f64; 3]], execution: &Execution) -> Result<Prepared> {
     let points = voxel_downsample(&Points::from_rows("scan", scan)?, None, VOXEL, execution)?.points;
     let cloud = Cloud::from_rows("voxels", &points)?;
@@ -40,7 +41,7 @@ fn prepare(scan: &[[f64; 3]], execution: &Execution) -> Result<Prepared> {
 }
 
 fn main() -> Result<()> {
-    // Two scans of a stone, each in its scanner's own frame. Files are read by `cgroup::cloud_formats`.
+    // Two scans of a stone, each in its scanner's own frame. `cgroup::cloud_formats` reads files.
     let scanners = [scanner(0.0), scanner(50.0)];
     let truth = scanners[1].inverse() * scanners[0];
     let execution = Execution::default();
@@ -76,14 +77,14 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-/// A scanner 300 away, looking at the origin, so many degrees around it.
+/// A scanner at a distance of 300, facing the origin, at an angle around it.
 fn scanner(degrees: f64) -> Isometry3<f64> {
     let (sin, cos) = degrees.to_radians().sin_cos();
     let eye = Point3::new(300.0 * cos, 300.0 * sin, 60.0);
     Isometry3::face_towards(&eye, &Point3::origin(), &Vector3::z())
 }
 
-/// What a scanner sees of a bumpy stone of radius 40, in its own frame.
+/// Scan of a bumpy stone of radius 40, in the scanner's frame.
 fn scan(scanner: &Isometry3<f64>) -> Vec<[f64; 3]> {
     let count = 40_000;
     let place = |i: i32| {

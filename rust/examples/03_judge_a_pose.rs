@@ -1,4 +1,4 @@
-//! Judge a pose from elsewhere: how well does it lay two scans on each other, and which motion do they leave open?
+//! Score a given pose: overlap of two scans under the pose, and motions that they do not constrain.
 #![expect(clippy::print_stdout, reason = "an example shows its result")]
 
 use cgroup::geometry::rigid::Rigid;
@@ -11,7 +11,7 @@ const SPACING: f64 = 0.1;
 
 fn main() -> Result<()> {
     let execution = Execution::default();
-    // Odometry's perhaps: off by 0.18 m and a degree. The right pose is the identity.
+    // For example from odometry: off by 0.18 m and a degree. The correct pose is the identity.
     let pose = Rigid {
         rotation: Rotation3::new(Vector3::z() * 1.0_f64.to_radians()).into_inner(),
         translation: Vector3::new(0.15, 0.1, 0.0),
@@ -26,7 +26,7 @@ fn main() -> Result<()> {
         println!("  the surfaces score {given:.2} as given, {:.2} refined", refined.score);
         println!("  {:.0} % of the source lie on the target", 100.0 * found.fitness);
         println!("  {:.3} m of the error are left along it, {:.3} m across", left.x.abs(), left.y.abs());
-        // A rotation vector and a translation that the surfaces hardly resist.
+        // A rotation vector and a translation that the surfaces hardly constrain.
         match found.resistance.open_motion {
             Some(motion) => println!("  open: {:.2}", motion.fixed_rows::<3>(3).normalize().transpose()),
             None => println!("  every motion is resisted"),
@@ -36,7 +36,7 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-/// Floor and walls of a corridor of 10 by 2 by 2.5 m, as points with normals, and its end where it is seen.
+/// Floor and walls of a corridor of 10 by 2 by 2.5 m, as points with normals, and its end if it is visible.
 fn corridor(shift: f64, has_end: bool) -> Result<Surface> {
     let steps =
         |length: f64| (0..).map(move |i| f64::from(i) * SPACING + shift).take_while(move |&at| at < length);

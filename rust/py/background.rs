@@ -1,5 +1,5 @@
-//! Work on threads of its own while the caller waits and looks around; free of Python, so that `tests/background.rs` can
-//! try it under the thread sanitizer.
+//! Runs work on its own threads while the caller waits and polls; independent of Python, so that
+//! `tests/background.rs` can test it under the thread sanitizer.
 
 use std::collections::HashMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -10,40 +10,40 @@ use std::time::{Duration, Instant};
 use cgroup::Execution;
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 
-/// Time between two looks around.
+/// Time between two polls.
 const POLL: Duration = Duration::from_millis(50);
 
-/// Time that interrupted work gets to end by itself before it is left to end in the background.
+/// Time for interrupted work to end by itself before it is left to end in the background.
 const GRACE: Duration = Duration::from_millis(500);
 
 /// Pools of this process; threads do not survive a fork, so each process has its own.
 #[derive(Default)]
 struct Pools {
     process: u32,
-    /// Pools that callers share, by number of threads.
+    /// Pools shared by callers, by number of threads.
     shared: HashMap<usize, Arc<ThreadPool>>,
-    /// Pools of one thread that nobody uses at the moment: callers who ask for one thread run side by side.
+    /// Idle pools of one thread: callers that request one thread run side by side.
     single: Vec<Arc<ThreadPool>>,
 }
 
 static POOLS: Mutex<Option<Pools>> = Mutex::new(None);
 
-/// Idle pools of one thread that are kept.
+/// Most idle pools of one thread.
 const MOST_IDLE: usize = 64;
 
-/// Why there is no result.
+/// Reason for a missing result.
 #[derive(Debug)]
 pub enum Failure<E> {
     /// The work panicked.
     Panicked,
-    /// Looking around failed; the work was asked to stop.
+    /// Polling failed; the work was asked to stop.
     Interrupted(E),
-    /// The thread is gone, which does not happen.
+    /// The thread is gone, which should not happen.
     Lost,
 }
 
-/// Does `work` on the pool and returns its result. Meanwhile, every now and then, `look_around` may end the waiting; at the
-/// deadline the work is asked to end early.
+/// Runs `work` on the pool and returns its result. Meanwhile it polls `look_around`, which may end the wait;
+/// at the deadline it asks the work to end early.
 pub fn compute<T: Send + 'static, E>(
     pool: &ThreadPool,
     execution: &Arc<Execution>,
@@ -51,12 +51,13 @@ pub fn compute<T: Send + 'static, E>(
     work: impl FnOnce(&Execution) -> T + Send + 'static,
     look_around: impl FnMut() -> Result<(), E>,
 ) -> Result<T, Failure<E>> {
-    // Room for the one outcome is made now, when there is some; `channel` makes it, and for thirty more, on sending.
+    // Memory for the one outcome is allocated now, while there is some; `channel` would allocate on sending,
+    // for thirty more.
     let (sender, receiver) = sync_channel(1);
     let shared = Arc::clone(execution);
     pool.spawn(move || {
         let outcome = catch_unwind(AssertUnwindSafe(|| work(&shared)));
-        // The receiver is gone where the caller was interrupted and did not wait.
+        // The receiver is gone if the caller was interrupted and did not wait.
         drop(sender.send(outcome));
     });
     wait(&receiver, execution, deadline, look_around)?.map_err(|_| Failure::Panicked)
@@ -87,7 +88,7 @@ fn wait<T, E>(
     }
 }
 
-/// A pool of that many threads, kept from an earlier call where there is one.
+/// A pool with that many threads, reused from an earlier call if there is one.
 pub fn take_pool(threads: usize) -> Result<Arc<ThreadPool>, ThreadPoolBuildError> {
     let kept = with_pools(|pools| match threads {
         1 => pools.single.pop(),
@@ -96,12 +97,12 @@ pub fn take_pool(threads: usize) -> Result<Arc<ThreadPool>, ThreadPoolBuildError
     if let Some(pool) = kept {
         return Ok(pool);
     }
-    // Built outside the lock, which a fork in the meantime would leave locked for ever.
+    // Built outside the lock: a fork in the meantime would leave it locked for ever.
     let builder = ThreadPoolBuilder::new().num_threads(threads).thread_name(|i| format!("cgroup-{i}"));
     Ok(Arc::new(builder.build()?))
 }
 
-/// Keeps a pool for the next call.
+/// Keeps a pool for later calls.
 pub fn give_back(pool: Arc<ThreadPool>) {
     let threads = pool.current_num_threads();
     with_pools(|pools| {
@@ -118,7 +119,7 @@ fn with_pools<T>(work: impl FnOnce(&mut Pools) -> T) -> T {
     let pools = guard.get_or_insert_default();
     let process = std::process::id();
     if pools.process != process {
-        // The threads of a parent's pools are not here; joining them would wait for ever.
+        // The threads of a parent process's pools do not exist here; joining them would wait for ever.
         std::mem::forget(std::mem::take(pools));
         pools.process = process;
     }

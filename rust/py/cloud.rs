@@ -1,4 +1,4 @@
-//! The class `Cloud`: points that cross to the core once.
+//! The class `Cloud`: points that are converted to the core once.
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 
 use crate::convert::{Reals, array};
 
-/// A point cloud made ready once; use it through `cgroup.features.Cloud`.
+/// A prepared point cloud; use it through `cgroup.features.Cloud`.
 #[pyclass(frozen, module = "cgroup._core")]
 pub struct Cloud {
     core: Arc<CoreCloud>,
@@ -27,7 +27,7 @@ impl Cloud {
         self.core.points().len()
     }
 
-    /// Rotation into the axes that the cloud has by itself, (3,3).
+    /// Rotation to the cloud's intrinsic axes, (3,3).
     fn own_axes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         array(py, own_axes(self.core.points()).transpose().iter().copied())?.reshape([3, 3])
     }

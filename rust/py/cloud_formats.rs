@@ -1,4 +1,4 @@
-//! Files of point clouds, and tables of numbers: bytes in, arrays out.
+//! Parses files of point clouds, and tables of numbers, from bytes to arrays.
 
 use cgroup::cloud_formats::{PARSERS, table};
 use cgroup::{Error, Execution};
@@ -9,10 +9,10 @@ use pyo3::pybacked::PyBackedBytes;
 use crate::convert::choose;
 use crate::run::{RunOptions, run, run_inline};
 
-/// Bytes that are parsed within a millisecond.
+/// Bytes parsed within a millisecond.
 const SMALL: usize = 1 << 14;
 
-/// What Python gets of a cloud: points, normals, faces and colours, each (N,3); the viewpoint.
+/// A cloud for Python: points, normals, faces and colours, each (N,3); the viewpoint.
 type PyCloudContent<'py> = (
     Bound<'py, PyArray2<f64>>,
     Option<Bound<'py, PyArray2<f64>>>,
@@ -52,7 +52,7 @@ pub fn parse_table(
     PyArray1::from_vec(py, found.numbers).reshape([rows, found.columns])
 }
 
-/// Parses on another thread, unless that takes longer than to parse.
+/// Parses on another thread, unless handing over takes longer than parsing.
 fn parse_with<T: Send + 'static>(
     py: Python<'_>,
     content: PyBackedBytes,

@@ -1,4 +1,4 @@
-//! Between numpy arrays and the core's types; nothing else touches arrays.
+//! Conversion between numpy arrays and the core's types; no other module accesses arrays.
 
 use cgroup::frames::Frames;
 use cgroup::rule::{Agreement, Rule};
@@ -69,7 +69,7 @@ impl Fields<'_> {
         Ok(result)
     }
 
-    /// Correspondences with their points, where the method takes points.
+    /// Correspondences with their points, if the method uses points.
     fn positions(&self) -> PyResult<Correspondences> {
         if let (Some(source), Some(target)) = (&self.source, &self.target) {
             return checked(Correspondences::between(source.points("source")?, target.points("target")?));
@@ -79,7 +79,7 @@ impl Fields<'_> {
     }
 }
 
-/// A result of the core, for Python.
+/// Converts a result of the core for Python.
 pub fn checked<T>(result: Result<T, Error>) -> PyResult<T> {
     result.map_err(|error| to_python(&error))
 }
@@ -90,7 +90,7 @@ impl Reals<'_, Ix2> {
         self.triples(name)
     }
 
-    /// The rows as they are given.
+    /// The rows as given.
     pub fn rows(&self) -> PyResult<Vec<[f64; 3]>> {
         checked(match self {
             Self::Single(array) => {
@@ -102,7 +102,7 @@ impl Reals<'_, Ix2> {
 }
 
 impl<D: Dimension> Reals<'_, D> {
-    /// Numbers of an array whose last axis has three, as points.
+    /// Points from an array whose last axis has length three.
     fn triples(&self, name: &str) -> PyResult<Points> {
         checked(match self {
             Self::Single(array) => Points::from_numbers(name, array.as_slice()?.as_chunks::<3>().0),
@@ -129,7 +129,7 @@ impl Reals<'_, Ix1> {
 }
 
 impl Reals<'_, Ix3> {
-    /// Rows of blocks, one after the other.
+    /// Points from concatenated rows of blocks.
     fn points(&self, name: &str) -> PyResult<Points> {
         self.triples(name)
     }
@@ -153,7 +153,7 @@ impl Reals<'_, Ix3> {
     }
 }
 
-/// An array of the items.
+/// A one-dimensional array of the items.
 pub fn array<T: Element>(
     py: Python<'_>,
     items: impl IntoIterator<Item = T>,
@@ -161,7 +161,7 @@ pub fn array<T: Element>(
     Ok(PyArray1::from_vec(py, checked(memory::collect(items))?))
 }
 
-/// Rows of a matrix, as numpy has them.
+/// Rows of a matrix in numpy's order.
 pub fn rows<const R: usize, const C: usize>(matrix: &SMatrix<f64, R, C>) -> [[f64; C]; R] {
     // Transposed, because nalgebra stores columns.
     matrix.transpose().into()
@@ -189,7 +189,7 @@ fn masks<'py>(py: Python<'py>, found: &[Vec<bool>], n: usize) -> PyResult<Bound<
     PyArray1::from_vec(py, numbers).reshape([found.len(), n])
 }
 
-/// The fields of a `cgroup.types.Grouping` that the core fills in.
+/// The fields of a `cgroup.types.Grouping` that the core sets.
 #[derive(IntoPyObject)]
 pub struct PyGrouping<'py> {
     mask: Bound<'py, PyArray1<bool>>,
@@ -205,7 +205,7 @@ pub struct PyGrouping<'py> {
     instances: Option<Bound<'py, PyArray2<bool>>>,
 }
 
-/// The fields of a `cgroup.types.Rule` that the core fills in.
+/// The fields of a `cgroup.types.Rule` that the core sets.
 #[derive(IntoPyObject)]
 pub struct PyRule<'py> {
     kind: &'static str,
@@ -227,7 +227,7 @@ pub struct PyAgreement {
     scale: f64,
 }
 
-/// What the core tells of a grouping, for `cgroup.types`.
+/// A grouping for `cgroup.types`.
 pub type PyParts<'py> = (PyGrouping<'py>, PyRule<'py>, Option<PyAgreement>);
 
 /// Converts a rule.
@@ -280,7 +280,7 @@ pub fn grouping(py: Python<'_>, result: Grouping) -> PyResult<PyParts<'_>> {
     Ok((parts, rule, agreement))
 }
 
-/// The value that goes by `given` among the choices of option `name`.
+/// The choice of option `name` that equals `given`.
 pub fn choose<T: Copy>(name: &str, given: &Bound<'_, PyAny>, choices: &[(&str, T)]) -> PyResult<T> {
     let word = given.cast::<PyString>().ok().and_then(|word| word.to_str().ok());
     match choices.iter().find(|(choice, _)| word == Some(choice)) {
@@ -289,18 +289,18 @@ pub fn choose<T: Copy>(name: &str, given: &Bound<'_, PyAny>, choices: &[(&str, T
     }
 }
 
-/// The error for an option that can't be worked with, in the words of `cgroup._checks.values`.
+/// The error for an invalid option, worded as in `cgroup._checks.values`.
 pub fn refused(name: &str, given: &Bound<'_, PyAny>, remedy: &str) -> PyErr {
     let error = values(given.py()).and_then(|rule| rule.call_method1("refusal", (name, given, remedy)));
     error.map_or_else(|failed| failed, PyErr::from_value)
 }
 
-/// The module that says what counts as a number, a truth value, a choice.
+/// The module that validates numbers, truth values and choices.
 pub fn values(py: Python<'_>) -> PyResult<Bound<'_, PyModule>> {
     py.import("cgroup._checks.values")
 }
 
-/// What to choose from, for an error message.
+/// The choices for an error message.
 fn one_of<T>(choices: &[(&str, T)]) -> String {
     let known: Vec<String> = choices.iter().map(|(choice, _)| format!("{choice:?}")).collect();
     format!("choose one of {}", known.join(", "))

@@ -25,7 +25,7 @@ use crate::cloud::Cloud;
 use crate::convert::{Reals, array, checked, choose, rows};
 use crate::run::{RunOptions, run};
 
-/// Neighbours that a plane is fitted to where nothing else is asked for.
+/// Default number of neighbours that a plane is fitted to.
 const NORMAL_NEIGHBORS: usize = 20;
 
 /// Mean nearest-neighbour distance.
@@ -40,11 +40,11 @@ pub fn resolution(
     run(py, &run_options, move |execution| cloud.resolution(ignore_zero, execution))
 }
 
-/// What Python gets of voxels: points, normals where there were some, and the voxel of every point.
+/// Voxels for Python: points, normals if given, and the voxel of every point.
 type PyVoxels<'py> =
     (Bound<'py, PyArray2<f64>>, Option<Bound<'py, PyArray2<f64>>>, Bound<'py, PyArray1<i64>>);
 
-/// Means of the points in every cell of a grid, along the cloud's own axes if asked for.
+/// Means of the points in every cell of a grid, along the cloud's own axes if requested.
 #[pyfunction]
 pub fn voxel_downsample<'py>(
     py: Python<'py>,
@@ -65,7 +65,7 @@ pub fn voxel_downsample<'py>(
     Ok((table(py, found.points)?, means, array(py, found.indices.into_iter().map(i64::from))?))
 }
 
-/// The size at which clouds have so many voxels, along their own axes if asked for.
+/// The size at which clouds have at most the given number of voxels, along their own axes if requested.
 #[pyfunction]
 pub fn choose_voxel(
     py: Python<'_>,
@@ -313,7 +313,7 @@ pub fn fpfh<'py>(
     table(py, rows)
 }
 
-/// What Python gets of matches: source and target rows, rank, distance, second distance, similarity, ratio, whether
+/// Matches for Python: source and target rows, rank, distance, second distance, similarity, ratio, whether
 /// mutual.
 type PyMatches<'py> = (
     Bound<'py, PyArray1<i64>>,
@@ -353,7 +353,7 @@ pub fn match_descriptors<'py>(
     ))
 }
 
-/// Directions, one per row; they need not be numbers.
+/// Directions, one per row; they may be NaN.
 pub fn directions(array: &Reals<'_, Ix2>) -> PyResult<Vec<Vector3<f64>>> {
     checked(match array {
         Reals::Single(array) => memory::collect(array.as_slice()?.as_chunks::<3>().0.iter().map(widened)),
@@ -365,7 +365,7 @@ fn widened<T: Copy + Into<f64>>(row: &[T; 3]) -> Vector3<f64> {
     row.map(Into::into).into()
 }
 
-/// Frames, one per block; a block with NaN is none.
+/// Frames, one per block; a block with NaN is a missing frame.
 fn frames(array: &Reals<'_, Ix3>) -> PyResult<Vec<Frame>> {
     let frames = array.frames()?;
     checked(memory::collect((0..frames.len()).map(|i| frames.get(i))))
@@ -378,7 +378,7 @@ fn descriptors(name: &str, array: &Reals<'_, Ix2>) -> PyResult<Descriptors> {
     })
 }
 
-/// Negative numbers become an index that no cloud has; the Python side has refused them already.
+/// Converts negative numbers to an index out of range; the Python side has already rejected them.
 fn index(value: i64) -> usize {
     usize::try_from(value).unwrap_or(usize::MAX)
 }

@@ -11,7 +11,7 @@ use crate::convert::{self, Fields, PyParts, Reals};
 use crate::options::method_with;
 use crate::run::{RunOptions, run, run_inline};
 
-/// Groups by the method of that public name; all its options are given.
+/// Groups by the method with that public name and all its options.
 #[pyfunction]
 pub fn group<'py>(
     py: Python<'py>,

@@ -19,7 +19,8 @@ mod verification;
 
 use pyo3::prelude::*;
 
-// Needs no global lock: classes are frozen, inputs are copied and then checked, pools of threads lie behind a mutex.
+// No global lock is needed: classes are frozen, inputs are copied and then checked, thread pools are behind a
+// mutex.
 /// The compiled core of cgroup. Use it through the `cgroup` package.
 #[pymodule(gil_used = false)]
 mod _core {
@@ -51,7 +52,7 @@ mod _core {
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
         super::heap::keep_freed_blocks();
-        // NumPy's interface is looked up on its first use, which panics if Ctrl-C comes in between: so not later.
+        // The first lookup of NumPy's interface panics if Ctrl-C interrupts it, so it is done at import.
         PyArray1::<f64>::zeros(module.py(), 0, false);
         module.add("__version__", env!("CARGO_PKG_VERSION"))?;
         module.add("DIFFERENT_POSES", cgroup::verification::DIFFERENT)?;

@@ -1,4 +1,4 @@
-//! The options of a call, each read by the rule of its kind; the core checks ranges.
+//! Reads the options of a call by their kinds; the core checks ranges.
 
 use cgroup::grouping::{BoxedMethod, methods};
 use cgroup::options::{Kind, OptionInfo, OptionType, Value};
@@ -8,7 +8,7 @@ use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyString, PyTuple};
 use crate::convert::{choose, refused, values};
 use crate::error::InputError;
 
-/// The method of that public name, with the options given; all of them are.
+/// The method with that public name and all its options.
 pub fn method_with(name: &str, given: &Bound<'_, PyDict>) -> PyResult<BoxedMethod> {
     let found = methods().into_iter().find(|(known, _)| *known == name);
     let Some((_, mut method)) = found else {
@@ -30,12 +30,13 @@ pub fn method_with(name: &str, given: &Bound<'_, PyDict>) -> PyResult<BoxedMetho
     Ok(method)
 }
 
-/// What a method is: the fields that it needs, those that it uses where they are there, and its options.
+/// Description of a method: required fields, optional fields, and options.
 type Description<'py> = (Vec<&'static str>, Vec<&'static str>, Bound<'py, PyDict>);
 
-/// What each method is, by its public name.
+/// Description of each method, by its public name.
 ///
-/// An option is its kind, whether it may be None, its default, its least and greatest value or its choices, and its text.
+/// An option has a kind, whether it may be None, its default, its least and greatest value or its choices,
+/// and its text.
 #[pyfunction]
 pub fn describe_methods(py: Python<'_>) -> PyResult<Vec<(&'static str, Description<'_>)>> {
     let describe = |(name, method): (&'static str, BoxedMethod)| {
@@ -66,7 +67,7 @@ fn range_of(py: Python<'_>, kind: Kind) -> PyResult<(&'static str, Bound<'_, PyT
     })
 }
 
-/// A value on its way to Python.
+/// A value to be converted to Python.
 struct Shown(Value);
 
 impl<'py> IntoPyObject<'py> for Shown {
@@ -90,7 +91,7 @@ fn to_python(py: Python<'_>, value: Value) -> PyResult<Bound<'_, PyAny>> {
     })
 }
 
-/// The value of an option, of the type that its kind asks for.
+/// The value of an option, with the type of its kind.
 fn read(option: &OptionInfo, given: &Bound<'_, PyAny>) -> PyResult<Value> {
     let name = option.name;
     if option.optional && given.is_none() {
@@ -109,7 +110,7 @@ fn read(option: &OptionInfo, given: &Bound<'_, PyAny>) -> PyResult<Value> {
     }
 }
 
-/// Bounds, or none, by the rule of `cgroup._checks.values`.
+/// Bounds or none, validated as in `cgroup._checks.values`.
 fn scale(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Value> {
     let bounds: Option<(f64, f64)> =
         values(given.py())?.call_method1("as_scale", (name, given))?.extract()?;
@@ -124,7 +125,7 @@ fn flag(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Value> {
     Ok(Value::Flag(flag))
 }
 
-/// A count by the rule of `cgroup._checks.values`, which is asked about anything but an `int` that will do.
+/// A count; anything but a valid `int` is passed to `cgroup._checks.values`.
 fn whole(name: &str, given: &Bound<'_, PyAny>, least: u64, or_none: &str) -> PyResult<Value> {
     let number: Option<u64> = given.cast_exact::<PyInt>().ok().and_then(|number| number.extract().ok());
     let remedy = format!("give a whole number of at least {least}{or_none}");
@@ -134,7 +135,7 @@ fn whole(name: &str, given: &Bound<'_, PyAny>, least: u64, or_none: &str) -> PyR
     }))
 }
 
-/// A number by the rule of `cgroup._checks.values`, which is asked about anything but a `float`.
+/// A number; anything but a `float` is passed to `cgroup._checks.values`.
 fn real(name: &str, given: &Bound<'_, PyAny>, remedy: &str) -> PyResult<Value> {
     Ok(Value::Number(match given.cast_exact::<PyFloat>() {
         Ok(number) => number.value(),

@@ -1,4 +1,4 @@
-//! Placements of an outline on a map seen from above.
+//! Placements of an outline on a top-view map.
 
 use cgroup::geometry::placements::{self as core, MapGrid, Outline, Window};
 use cgroup::memory;
@@ -8,7 +8,8 @@ use pyo3::prelude::*;
 use crate::convert::{array, checked};
 use crate::run::{RunOptions, run};
 
-/// The best placements (turn, row, column) in windows (turn, first row, end of rows, first column, end of columns).
+/// The best placements (turn, row, column) in windows (turn, first row, end of rows, first column, end of
+/// columns).
 #[pyfunction]
 #[expect(clippy::too_many_arguments, reason = "the arrays of one computation")]
 pub fn best_placements<'py>(

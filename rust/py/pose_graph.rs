@@ -50,10 +50,10 @@ fn rigid(matrix: &[f64; 16]) -> Rigid {
     }
 }
 
-/// Poses, and which edges are kept.
+/// Poses, and mask of kept edges.
 type PyOptimized<'py> = (Bound<'py, PyArray3<f64>>, Bound<'py, PyArray1<bool>>);
 
-/// Poses of least cost, and which edges are kept.
+/// Poses of least cost, and mask of kept edges.
 #[pyfunction]
 pub fn optimize_poses<'py>(
     py: Python<'py>,

@@ -1,4 +1,4 @@
-//! Points of one cloud that are near points of another.
+//! Proximity of the points of one cloud to those of another.
 
 use cgroup::geometry::neighbors::NearestNeighbors;
 use cgroup::geometry::proximity::{any_within, nearest_offsets};
@@ -10,7 +10,7 @@ use crate::convert::{Reals, array};
 use crate::features::rows_of;
 use crate::run::{RunOptions, run};
 
-/// Which of the points have at least one of the others within a radius.
+/// Mask of the points with at least one of the others within a radius.
 #[pyfunction]
 pub fn within<'py>(
     py: Python<'py>,
@@ -42,7 +42,7 @@ pub fn nearest_rows<'py>(
     array(py, found.into_iter().map(i64::from))?.reshape([queries, width])
 }
 
-/// Vectors from the points to the nearest of the others within a radius; NaN where there is none.
+/// Vectors from the points to the nearest of the others within a radius; NaN without one.
 #[pyfunction]
 pub fn nearest<'py>(
     py: Python<'py>,

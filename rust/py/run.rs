@@ -1,4 +1,4 @@
-//! Runs a computation with the GIL released, on the threads asked for, so that Ctrl-C is heard.
+//! Runs a computation with the GIL released, on the requested threads, so that Ctrl-C works.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -11,7 +11,7 @@ use rayon::ThreadPoolBuildError;
 use crate::background::{Failure, compute, give_back, take_pool};
 use crate::error::{CgroupError, OutOfMemoryError, to_python};
 
-/// How the caller wants a computation to run; read from a `cgroup._checks.run_options.RunOptions`.
+/// Options of a run; read from a `cgroup._checks.run_options.RunOptions`.
 #[derive(FromPyObject)]
 pub struct RunOptions {
     threads: Option<usize>,
@@ -21,7 +21,7 @@ pub struct RunOptions {
 }
 
 impl RunOptions {
-    /// When a search that may end early has to, if that time will come.
+    /// Time at which a search that supports it has to end early; `None` if never.
     fn deadline(&self) -> Option<Instant> {
         Instant::now().checked_add(Duration::try_from_secs_f64(self.max_seconds?).ok()?)
     }
@@ -31,7 +31,7 @@ impl RunOptions {
     }
 }
 
-/// Runs `work` on a pool of the threads asked for, and returns what it returns.
+/// Runs `work` on a pool of the requested threads, and returns its result.
 pub fn run<T: Send + 'static>(
     py: Python<'_>,
     options: &RunOptions,
@@ -76,7 +76,7 @@ fn internal_error() -> PyErr {
     CgroupError::new_err("the computation failed inside cgroup; please report this with the input")
 }
 
-/// Raises a pending signal, and tells the caller how far the work is.
+/// Raises a pending signal, and reports the progress to the caller.
 fn look_around(py: Python<'_>, options: &RunOptions, execution: &Execution) -> PyResult<()> {
     py.check_signals()?;
     if let Some(progress) = &options.progress {

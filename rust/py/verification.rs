@@ -1,4 +1,4 @@
-//! Poses judged on surfaces: the class `Surface`, and two functions.
+//! Scores poses on surfaces: the class `Surface`, and two functions.
 
 use std::sync::Arc;
 
@@ -19,7 +19,7 @@ use crate::convert::{Reals, array, checked, matrices, matrix};
 use crate::features::directions;
 use crate::run::{RunOptions, run};
 
-/// A surface made ready once; use it through `cgroup.verification.Surface`.
+/// A prepared surface; use it through `cgroup.verification.Surface`.
 #[pyclass(frozen, module = "cgroup._core")]
 pub struct Surface {
     core: Arc<CoreSurface>,
@@ -55,7 +55,7 @@ impl Surface {
     }
 }
 
-/// Scores of poses as they are.
+/// Scores poses without refinement.
 #[pyfunction]
 pub fn score_poses<'py>(
     py: Python<'py>,
@@ -70,7 +70,7 @@ pub fn score_poses<'py>(
     array(py, scores)
 }
 
-/// Where the points of one surface lie under a pose, as numbers of [`core::Place`].
+/// Places of the points of one surface under a pose, as numbers of [`core::Place`].
 #[pyfunction]
 pub fn places<'py>(
     py: Python<'py>,
@@ -86,10 +86,10 @@ pub fn places<'py>(
     array(py, found.into_iter().map(|place| place as u8))
 }
 
-/// Matched points, and the distance within which a match speaks for a pose.
+/// Matched points, and the largest distance of a match that supports a pose.
 type Matches<'py> = (Reals<'py, Ix2>, Reals<'py, Ix2>, f64);
 
-/// What Python gets: poses, scores, evidence; margin; fitness, rmse, information, open motion.
+/// Results for Python: poses, scores, evidence; margin; fitness, rmse, information, open motion.
 type PyVerified<'py> = (
     Bound<'py, PyArray3<f64>>,
     Bound<'py, PyArray1<f64>>,
@@ -101,7 +101,7 @@ type PyVerified<'py> = (
 /// Information matrix, and the open motion.
 type PyResistance<'py> = (Bound<'py, PyArray2<f64>>, Option<Bound<'py, PyArray1<f64>>>);
 
-/// Poses refined, best first.
+/// Refines poses, best first.
 #[pyfunction]
 pub fn verify<'py>(
     py: Python<'py>,
@@ -142,13 +142,13 @@ fn verified<'py>(
 }
 
 fn resisted<'py>(py: Python<'py>, resistance: &Resistance) -> PyResult<PyResistance<'py>> {
-    // Column by column, as nalgebra stores it: the matrix is symmetric.
+    // By columns, as in nalgebra: the matrix is symmetric.
     let information = array(py, resistance.information.iter().copied())?.reshape([6, 6])?;
     let open = resistance.open_motion.map(|motion| array(py, motion.iter().copied())).transpose()?;
     Ok((information, open))
 }
 
-/// A surface in detail; use it through `cgroup.verification.FineSurface`.
+/// A finely sampled surface; use it through `cgroup.verification.FineSurface`.
 #[pyclass(frozen, module = "cgroup._core")]
 pub struct FineSurface {
     core: Arc<CoreFineSurface>,
@@ -168,7 +168,7 @@ impl FineSurface {
         self.core.len()
     }
 
-    /// Where the samples lie.
+    /// Positions of the samples.
     fn sample_points<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let points = self.core.sample_points();
         let count = points.len();
@@ -192,7 +192,7 @@ pub fn plane_distances<'py>(
     Ok(PyArray1::from_vec(py, found))
 }
 
-/// What Python gets: pose; residuals, deviations, number of samples; information, open motion.
+/// Results for Python: pose; residuals, deviations, number of samples; information, open motion.
 type PyAlignment<'py> = (
     Bound<'py, PyArray2<f64>>,
     Bound<'py, PyArray1<f64>>,
@@ -201,7 +201,7 @@ type PyAlignment<'py> = (
     PyResistance<'py>,
 );
 
-/// Poses refined on two fine surfaces.
+/// Refines poses on two fine surfaces.
 #[pyfunction]
 pub fn align<'py>(
     py: Python<'py>,
@@ -236,7 +236,7 @@ fn evidence((source, target, tolerance): Matches<'_>) -> PyResult<Evidence> {
     })
 }
 
-/// What is found under each of the poses, one after the other.
+/// Concatenated results under each of the poses.
 fn under_all<T>(poses: &[Rigid], find: impl Fn(&Rigid) -> Result<Vec<T>, Error>) -> Result<Vec<T>, Error> {
     let mut all = Vec::new();
     for pose in poses {
@@ -247,7 +247,7 @@ fn under_all<T>(poses: &[Rigid], find: impl Fn(&Rigid) -> Result<Vec<T>, Error>)
     Ok(all)
 }
 
-/// Poses. The caller has checked them; that they are still numbers is checked in the copy.
+/// Converts poses. The caller has checked them; finiteness is checked in the copy.
 fn transforms(poses: &PyReadonlyArray3<'_, f64>) -> PyResult<Vec<Rigid>> {
     let copy = checked(memory::copied(poses.as_slice()?.as_chunks::<16>().0))?;
     if let Some(row) = copy.iter().position(|pose| !pose.iter().all(|number| number.is_finite())) {

@@ -1,8 +1,8 @@
 //! Matching problems with a known answer, for the tests of the public interface and the benches.
 //!
-//! The same distribution as that of `cgroup.datasets.make_problem` in Python, with `repeated_targets`,
-//! `random_frames` and `frame_error` 0; `tests/core/matching_problems.rs` and `test_generated.py` hold both
-//! to the same means.
+//! The same distribution as `cgroup.datasets.make_problem` in Python, with `repeated_targets`,
+//! `random_frames` and `frame_error` 0; `tests/core/matching_problems.rs` and `test_generated.py` check both
+//! against the same means.
 #![allow(dead_code, reason = "each test file uses its own part")]
 
 use cgroup::consensus::counter_rng::random_words;
@@ -25,20 +25,20 @@ pub struct Problem {
     pub inliers: Vec<bool>,
 }
 
-/// A match is correct where the true motion leaves no greater distance.
+/// A match is correct if its residual under the true motion is at most this.
 const CORRECT_WITHIN: f64 = 5.0;
 
-/// Mean radius of the surface, in units of the resolution, and the axes of the ellipsoid that it bumps.
+/// Mean radius of the surface, in units of the resolution, and the axes of the bumpy ellipsoid.
 const RADIUS: f64 = 100.0;
 const AXES: [f64; 3] = [1.0, 0.7, 0.5];
 
 /// Standard deviation per axis of the true translation.
 const DISTANCE: f64 = 50.0;
 
-/// Share of inliers below which their ratios are nearly those of outliers.
+/// Share of inliers below which their ratios are almost those of outliers.
 const FEW_INLIERS: f64 = 0.1;
 
-/// Uniform numbers in [0, 1), one stream per seed, and what is made of them.
+/// Uniform numbers in [0, 1), one stream per seed, and derived distributions.
 pub struct Uniform {
     seed: u64,
     counter: u64,
@@ -58,7 +58,7 @@ impl Uniform {
         Vector3::from_fn(|_, _| (2.0 * self.next() - 1.0) * half_width)
     }
 
-    /// Box and Muller's method.
+    /// Normally distributed, by Box and Muller's method.
     fn normal(&mut self) -> f64 {
         let length = (-2.0 * (1.0 - self.next()).ln()).sqrt();
         length * (std::f64::consts::TAU * self.next()).cos()
@@ -68,13 +68,13 @@ impl Uniform {
         Vector3::from_fn(|_, _| self.normal() * deviation)
     }
 
-    /// Uniformly distributed.
+    /// Uniformly distributed rotation.
     pub fn rotation(&mut self) -> Matrix3<f64> {
         let quaternion = Quaternion::new(self.normal(), self.normal(), self.normal(), self.normal());
         UnitQuaternion::from_quaternion(quaternion).to_rotation_matrix().into_inner()
     }
 
-    /// Marsaglia and Tsang's method, for shapes of at least 1.
+    /// Gamma distributed, by Marsaglia and Tsang's method, for shapes of at least 1.
     fn gamma(&mut self, shape: f64) -> f64 {
         let d = shape - 1.0 / 3.0;
         loop {
@@ -100,13 +100,13 @@ fn surface(direction: Vector3<f64>) -> Vector3<f64> {
     d.component_mul(&Vector3::from(AXES)) * (RADIUS / mean_axis * bumps)
 }
 
-/// Any point of the surface but one that would be right by accident: that goes to the opposite side.
+/// A point of the surface; one that would be correct by chance is replaced by the opposite.
 fn away_from(p: &Vector3<f64>, direction: Vector3<f64>) -> Vector3<f64> {
     let near = (surface(direction) - p).norm() <= CORRECT_WITHIN;
     surface(if near { -direction } else { direction })
 }
 
-/// `n` correspondences of which `share` follow one rigid motion, up to noise of that deviation per axis.
+/// `n` correspondences of which `share` follow one rigid motion, with noise of the given deviation per axis.
 pub fn problem(seed: u64, n: usize, share: f64, noise: f64) -> Problem {
     let mut random = Uniform::new(seed);
     let (rotation, shift) = (random.rotation(), random.normals(DISTANCE));
@@ -156,7 +156,7 @@ impl Problem {
             .with_resolution(self.resolution)
     }
 
-    /// Both sides moved rigidly, frames along with them.
+    /// Moves both sides rigidly, with their frames.
     pub fn moved(&self, source: &Motion, target: &Motion) -> Self {
         let mut result = self.clone();
         source.apply(&mut result.source, &mut result.source_frames);
@@ -164,7 +164,7 @@ impl Problem {
         result
     }
 
-    /// All lengths multiplied.
+    /// Scales all lengths.
     pub fn scaled(&self, factor: f64) -> Self {
         let mut result = self.clone();
         result.source.iter_mut().chain(&mut result.target).for_each(|p| *p *= factor);
@@ -172,7 +172,7 @@ impl Problem {
         result
     }
 
-    /// Row `i` of the result is row `order[i]`.
+    /// Reorders the rows: row `i` of the result is row `order[i]`.
     pub fn reordered(&self, order: &[usize]) -> Self {
         Self {
             source: order.iter().map(|&i| self.source[i]).collect(),
@@ -209,7 +209,7 @@ impl Motion {
     }
 }
 
-/// Every method, the paper's with its parameters.
+/// Every method, the paper's with the paper's parameters.
 pub fn methods() -> Vec<(&'static str, BoxedMethod)> {
     let mut methods = cgroup::grouping::methods();
     for (name, method) in &mut methods {

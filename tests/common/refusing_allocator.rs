@@ -1,8 +1,8 @@
-//! An allocator that refuses blocks on demand, for tests of what a computation makes of that.
+//! An allocator that refuses blocks on demand, to test computations under memory failures.
 //!
-//! A test binary declares it as its `#[global_allocator]` and calls [`refuse_each_block`]. Only blocks that the
-//! threads of that function's pool ask for are counted and refused, and only those of [`LEAST`] bytes or more: what
-//! does not grow with the input is smaller.
+//! A test binary declares it as its `#[global_allocator]` and calls [`refuse_each_block`]. Only blocks
+//! requested by the threads of that function's pool are counted and refused, and only those of [`LEAST`]
+//! bytes or more: memory that does not grow with the input is smaller.
 #![allow(dead_code, reason = "each test file uses its own part")]
 #![expect(unsafe_code, reason = "an allocator can't be written without")]
 
@@ -19,17 +19,18 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 /// Size from which blocks are counted.
 pub const LEAST: usize = 1 << 10;
 
-/// What the queues of rayon's threads take for themselves at first and now and then, and end the process without.
+/// Blocks that the queues of rayon's threads allocate at first and occasionally later; refusing one would end
+/// the process.
 const OF_QUEUES: [usize; 2] = [2_304, 2_072];
 
-/// Blocks that are refused one by one; of those after them some are drawn.
+/// Blocks that are refused one by one; later blocks are sampled.
 const EACH: usize = 100;
 const DRAWN: usize = 25;
 
-/// The system's allocator, but for the blocks that are to be refused.
+/// The system's allocator, except for refused blocks.
 pub struct RefusingAllocator;
 
-/// Blocks asked for since the last start, and the first that is refused and the first after it that is not.
+/// Blocks requested since the last start, and the range of refused ones.
 static ASKED: AtomicUsize = AtomicUsize::new(0);
 static FIRST: AtomicUsize = AtomicUsize::new(usize::MAX);
 static END: AtomicUsize = AtomicUsize::new(usize::MAX);
@@ -49,13 +50,13 @@ fn is_refused(bytes: usize) -> bool {
     (FIRST.load(Ordering::SeqCst)..END.load(Ordering::SeqCst)).contains(&number)
 }
 
-// SAFETY: all blocks come from the system's allocator and go back to it; null says that there is none.
+// SAFETY: all blocks come from the system's allocator and go back to it; null reports a refusal.
 unsafe impl GlobalAlloc for RefusingAllocator {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         if is_refused(layout.size()) {
             return std::ptr::null_mut();
         }
-        // SAFETY: the caller's promises are those that the system's allocator asks for.
+        // SAFETY: the caller's promises are those that the system's allocator requires.
         unsafe { System.alloc(layout) }
     }
 
@@ -81,13 +82,13 @@ unsafe impl GlobalAlloc for RefusingAllocator {
     }
 }
 
-/// Refuses each block that a computation asks for, one at a time, then it and all after it; the outcome must be an
-/// [`Error::OutOfMemory`] or what it is undisturbed. Returns the number of blocks.
+/// Refuses each block that a computation requests, alone, then it and all later ones; the outcome must be an
+/// [`Error::OutOfMemory`] or the undisturbed result. Returns the number of blocks.
 ///
-/// A block that is not reserved fallibly ends the process; what was being tried is said on standard error before.
+/// A block that is not reserved fallibly ends the process; the attempt is announced on standard error before.
 ///
 /// # Panics
-/// Where the outcome is another one.
+/// If the outcome is another one.
 pub fn refuse_each_block<T: PartialEq + Send>(
     name: &str,
     threads: usize,
@@ -96,7 +97,7 @@ pub fn refuse_each_block<T: PartialEq + Send>(
     let _alone = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
     let pool = watched_pool(threads)?;
     announce(&format!("refusing blocks of {name} on {threads} thread(s): "));
-    refusing(0..0, &pool, &work)?; // so that what is kept for the next time is there
+    refusing(0..0, &pool, &work)?; // allocates caches that later runs reuse
     let undisturbed = refusing(0..0, &pool, &work)?;
     let blocks = ASKED.load(Ordering::SeqCst);
     announce(&format!("{blocks} blocks\n"));
@@ -112,7 +113,7 @@ pub fn refuse_each_block<T: PartialEq + Send>(
     Ok(blocks)
 }
 
-/// All of a few blocks, the first of many and some of the others.
+/// All of a few blocks; the first of many and a sample of the others.
 fn tried(blocks: usize) -> impl Iterator<Item = usize> {
     let rest = blocks.saturating_sub(EACH);
     let drawn = (0..DRAWN.min(rest)).map(move |k| EACH + k * rest / DRAWN.min(rest));
@@ -139,7 +140,7 @@ fn watched_pool(threads: usize) -> Result<ThreadPool> {
     pool.map_err(|error| Error::invalid("threads", threads, error.to_string()))
 }
 
-/// Straight to standard error: what the test harness keeps back is lost where the process ends.
+/// Written directly to standard error: output captured by the test harness is lost if the process ends.
 fn announce(text: &str) {
     drop(std::io::stderr().write_all(text.as_bytes()));
 }

@@ -34,9 +34,9 @@ fn threads_change_nothing() -> Result<()> {
 
 #[test]
 fn memory_changes_nothing() -> Result<()> {
-    // 4,100 correspondences are past the size from which pair scores are kept in f32.
+    // 4,100 correspondences exceed the size from which pair scores are stored in f32.
     let mut methods = methods();
-    methods.truncate(9); // those of the paper; the others keep a graph, and look at less where it does not fit
+    methods.truncate(9); // the paper's; the others keep a graph, and use fewer vertices if it does not fit
     for n in [300, 4_100] {
         assert_eq!(group_each(&methods, 2, usize::MAX, n)?, group_each(&methods, 2, 0, n)?);
     }

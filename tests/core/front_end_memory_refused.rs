@@ -1,5 +1,5 @@
-//! No refused block of memory ends the process: every step of the front end and of verification returns an error, or
-//! what it returns undisturbed.
+//! No refused block of memory ends the process: every step of the front end and of verification returns an
+//! error, or its undisturbed result.
 
 use std::f64::consts::PI;
 
@@ -66,13 +66,13 @@ impl Scene {
         })
     }
 
-    /// A cloud that nothing has been built for yet.
+    /// A cloud without cached searches.
     fn fresh(&self) -> Result<Cloud> {
         Ok(Cloud::new(self.cloud.points().copied()?))
     }
 }
 
-/// Poses from the right one, which is none, to ones far away.
+/// Poses from the correct one, the identity, to distant ones.
 fn poses() -> Vec<Rigid> {
     let pose = |i: u32| {
         let turn = Vector3::new(0.1, -0.2, 0.05) * (0.1 * f64::from(i));
@@ -82,7 +82,7 @@ fn poses() -> Vec<Rigid> {
     (0..200).map(pose).collect()
 }
 
-/// Refuses the blocks of a step, on one thread and on two; that it asks for some is part of the test.
+/// Refuses the blocks of a step, on one thread and on two; the test fails if the step requests none.
 fn refuse<T: PartialEq + Send>(name: &str, step: impl Fn() -> Result<T> + Sync) -> Result<()> {
     assert!(refuse_each_block(name, 1, &step)? > 0, "{name} asked for no block: the test is void");
     refuse_each_block(name, 2, &step).map(drop)
@@ -190,7 +190,7 @@ fn matches() -> Result<()> {
     let table = |rows: u32, step: f64| -> Vec<f64> {
         (0..33 * rows).map(|i| (step * f64::from(i % 1000) + f64::from(i / 3300)).sin()).collect()
     };
-    // Repeated rows, of which single precision leaves open which is nearest.
+    // Repeated rows, for which single precision does not determine the nearest.
     let (a, b) = (table(300, 1.1), table(1200, 1.3));
     refuse("tables", || Descriptors::new("source", &a, 33).map(|table| table.len()))?;
     let (source, target) = (Descriptors::new("source", &a, 33)?, Descriptors::new("target", &b, 33)?);
@@ -199,7 +199,7 @@ fn matches() -> Result<()> {
         ("match, mutual", Matching { mutual: true, ..Matching::default() }),
         ("match, many", Matching { k: 300, max_distance: Some(6.0), ..Matching::default() }),
     ] {
-        // On one thread: the matrix product takes memory of its own on every thread's first one.
+        // On one thread: the matrix product allocates memory of its own on every thread's first use.
         refuse_each_block(name, 1, || matching.run(&source, &target, &execution))?;
     }
     Ok(())

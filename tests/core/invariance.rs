@@ -1,4 +1,4 @@
-//! What must not change a group: order, rigid motion, scale.
+//! A group is invariant to order, rigid motion and scale.
 
 use crate::common::{Motion, Uniform, methods, problem};
 use cgroup::Execution;
@@ -6,7 +6,7 @@ use cgroup::grouping::geometric_consistency::{GeometricConsistency, Ties};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 
-/// The same draws in every run, unless `PROPTEST_RNG_SEED` gives another seed, as `make test-random` does.
+/// The same draws in every run, unless `PROPTEST_RNG_SEED` sets another seed, as `make test-random` does.
 fn config() -> ProptestConfig {
     let given = ProptestConfig::default();
     let rng_seed = if given.rng_seed == RngSeed::Random { RngSeed::Fixed(0) } else { given.rng_seed };
@@ -53,9 +53,10 @@ proptest! {
         order.sort_by(|a, b| a.0.total_cmp(&b.0));
         let order: Vec<usize> = order.into_iter().map(|(_, i)| i).collect();
         let shuffled = plain.reordered(&order);
-        // Two that contradict each other tie, so there are three at least. RANSAC samples rows by number, of several
-        // largest stars GC takes that of the lowest one, TEASER++ goes from row to row, CLIPPER starts from a random
-        // number of each row, and TurboReg finds a triangle from its two lowest rows and takes the first of the best.
+        // Two contradictory correspondences tie, so there are at least three. Some methods depend on the
+        // order: RANSAC samples rows by number, GC takes the largest star of the lowest row, TEASER++
+        // proceeds from row to row, CLIPPER starts from a random number per row, and TurboReg finds a
+        // triangle from its two lowest rows and takes the first of the best.
         let mut methods = methods();
         methods.retain(|(name, _)| !["ransac", "gc", "teaser", "clipper", "turboreg"].contains(name));
         let every_star = GeometricConsistency { ties: Ties::Union, ..GeometricConsistency::default() };

@@ -1,4 +1,5 @@
-//! The core through its public interface, in one program: each further one would link the whole core again.
+//! Tests of the core through its public interface, in one program: each further one would link the whole core
+//! again.
 
 #[path = "../common/mod.rs"]
 mod common;

@@ -1,11 +1,12 @@
-//! The generator of matching problems draws what it says; `test_generated.py` asserts the same of Python's.
+//! The generator of matching problems has the stated distribution; `test_generated.py` asserts the same of
+//! Python's.
 
 use crate::common::{Problem, problem};
 use cgroup::correspondences::Frame;
 
 const N: usize = 20_000;
 
-/// Mean distance of the surface's points from the origin, of 400,000 that Python drew.
+/// Mean distance of the surface's points from the origin, over 400,000 drawn in Python.
 const SURFACE_RADIUS: f64 = 102.61;
 
 fn mean(values: impl Iterator<Item = f64>) -> f64 {

@@ -1,4 +1,4 @@
-//! No refused block of memory ends the process: every method returns an error, or what it returns undisturbed.
+//! No refused block of memory ends the process: every method returns an error, or its undisturbed result.
 
 use crate::common::{methods, problem};
 use crate::refusing_allocator::refuse_each_block;
@@ -22,17 +22,17 @@ use cgroup::selection::eigenvector::Eigensolver;
 use cgroup::selection::otsu::{OtsuMode, Threshold};
 use cgroup::{Correspondences, Execution, Points, Result};
 
-/// Correspondences of a problem; so many that the matrices of pairs are kept rounded.
+/// Correspondences of a problem; enough for the matrices of pairs to be stored rounded.
 const N: usize = 1_100;
 
-/// Matrices of pairs that take more are computed again and again, and graphs of more have fewer vertices.
+/// Matrices of pairs that need more are recomputed, and graphs that need more have fewer vertices.
 const LITTLE_MEMORY: usize = 30_000;
 
 fn input(n: usize) -> Result<Correspondences> {
     problem(7, n, 0.2, 0.5).correspondences()
 }
 
-/// Two candidates for each correspondence, the first of them its own partner.
+/// Two candidates for each correspondence, the first of them its own match.
 fn with_candidates(n: usize) -> Result<Correspondences> {
     let drawn = problem(7, n, 0.2, 0.5);
     let beside = nalgebra::Vector3::new(1.0, -2.0, 0.5);
@@ -41,7 +41,7 @@ fn with_candidates(n: usize) -> Result<Correspondences> {
     drawn.correspondences()?.with_candidates(Points::from_rows("candidates", &candidates)?)
 }
 
-/// The same correspondences known by their positions alone.
+/// The same correspondences with positions only.
 fn by_position(n: usize) -> Result<Correspondences> {
     let drawn = input(n)?;
     let (source, target) = drawn.positions("lc")?;
@@ -83,14 +83,14 @@ fn methods_with_little_memory() -> Result<()> {
     let input = input(N)?;
     for (name, method) in methods() {
         if ["lc", "clipper", "teaser"].contains(&name) {
-            continue; // these refuse so little
+            continue; // they reject so low a memory bound
         }
         refuse(&format!("{name} in little memory"), method.as_ref(), &input, LITTLE_MEMORY)?;
     }
     Ok(())
 }
 
-/// The paper's methods by options that take another path.
+/// The paper's methods with options that use other code paths.
 fn variants() -> Vec<(&'static str, BoxedMethod)> {
     let similarity = |otsu| SimilarityScore { otsu, ..SimilarityScore::default() };
     vec![
@@ -144,7 +144,7 @@ fn pcl(interpolation: bool) -> HoughVoting {
     }
 }
 
-/// The other methods by such options.
+/// The other methods with such options.
 fn modern_variants() -> Vec<(&'static str, BoxedMethod)> {
     vec![
         ("lc, instances", Box::new(LikelihoodConsensus { instances: 3, ..LikelihoodConsensus::default() })),

@@ -1,4 +1,5 @@
-//! The fuzz targets of `fuzz/` on their corpus, and on seeded mutations of it: `make fuzz` looks farther.
+//! Runs the fuzz targets of `fuzz/` on their corpus, and on seeded mutations of it: `make fuzz` searches
+//! further.
 
 mod targets;
 
@@ -8,10 +9,10 @@ use std::{fs, io};
 use cgroup::consensus::counter_rng::random_words;
 use targets::TARGETS;
 
-/// Inputs made of each file of the corpus.
+/// Mutated inputs per file of the corpus.
 const MUTATIONS: u64 = 12;
 
-/// The most that the whole process may come to, in KiB: inputs have a few hundred points.
+/// Most memory of the whole process, in KiB: inputs have a few hundred points.
 const MOST_MEMORY: usize = 512 << 10;
 
 #[test]
@@ -37,7 +38,7 @@ fn corpus(target: &str) -> io::Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// The input with up to four bytes changed, and now and then its end cut off.
+/// The input with up to four bytes changed, and sometimes truncated.
 fn mutated(input: &[u8], seed: u64, i: u64) -> Vec<u8> {
     let mut bytes = input.to_vec();
     for word in random_words(seed, i) {
@@ -52,7 +53,7 @@ fn mutated(input: &[u8], seed: u64, i: u64) -> Vec<u8> {
     bytes
 }
 
-/// The most memory that this process has had, in KiB, where the system tells.
+/// Peak memory of this process, in KiB, if the system reports it.
 fn peak_memory() -> Option<usize> {
     let status = fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;

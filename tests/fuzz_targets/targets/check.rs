@@ -1,4 +1,4 @@
-//! What holds of every result.
+//! Checks that hold for every result.
 
 use std::fmt::Debug;
 use std::sync::LazyLock;
@@ -10,11 +10,11 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 static POOLS: LazyLock<[Option<ThreadPool>; 2]> =
     LazyLock::new(|| [1, 2].map(|threads| ThreadPoolBuilder::new().num_threads(threads).build().ok()));
 
-/// What `work` returns, which has to be the same on one and on two threads; nothing where it fails.
+/// The result of `work`, which must be the same on one and on two threads; `None` if it fails.
 pub fn on_threads<T: Debug + Send>(name: &str, work: impl Fn() -> Result<T> + Sync) -> Option<T> {
     let [Some(one), Some(two)] = &*POOLS else { return None };
     let [one, two] = [one, two].map(|pool| pool.install(&work));
-    // As text, in which NaN is like NaN, 0 unlike -0, and two numbers alike if their bits are.
+    // Compared as text: NaN equals NaN, 0 differs from -0, and numbers are equal if their bits are.
     assert_eq!(format!("{one:?}"), format!("{two:?}"), "{name}: one thread and two");
     match one {
         Ok(result) => Some(result),
@@ -50,7 +50,7 @@ pub fn finite(name: &str, values: impl IntoIterator<Item = f64>) {
     }
 }
 
-/// Finite vectors, or such as are wholly NaN: where there is none.
+/// Vectors that are finite, or all NaN if missing.
 pub fn finite_or_missing<const N: usize>(name: &str, vectors: impl IntoIterator<Item = [f64; N]>) {
     for vector in vectors {
         let missing = vector.iter().all(|value| value.is_nan());
@@ -58,7 +58,7 @@ pub fn finite_or_missing<const N: usize>(name: &str, vectors: impl IntoIterator<
     }
 }
 
-/// Rows of a cloud.
+/// Checks rows of a cloud.
 pub fn indices(name: &str, n: usize, rows: &[usize]) {
     assert!(rows.iter().all(|&row| row < n), "{name}: {rows:?} of {n}");
 }

@@ -6,7 +6,7 @@ use cgroup::correspondences::Frame;
 use cgroup::geometry::rigid::Rigid;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
-/// Numbers at which arithmetic changes its ways.
+/// Special values of floating-point arithmetic.
 const SPECIAL: [f64; 16] = [
     0.0,
     -0.0,
@@ -26,7 +26,7 @@ const SPECIAL: [f64; 16] = [
     1e9,
 ];
 
-/// Mostly a moderate number, sometimes a special one or any at all.
+/// Mostly a moderate number, sometimes a special or arbitrary one.
 pub fn number(input: &mut Unstructured) -> Result<f64> {
     Ok(match input.int_in_range(0..=15)? {
         0 => f64::from_bits(input.arbitrary()?),
@@ -37,12 +37,12 @@ pub fn number(input: &mut Unstructured) -> Result<f64> {
     })
 }
 
-/// A length that suits [`points`] more often than not.
+/// A length that usually suits [`points`].
 pub fn length(input: &mut Unstructured) -> Result<f64> {
     if input.ratio(1, 8)? { number(input) } else { Ok(f64::from(input.int_in_range(1..=64)?) / 4.0) }
 }
 
-/// Mostly what `draw` draws, or else nothing.
+/// Mostly a value drawn by `draw`, sometimes `None`.
 pub fn maybe<T>(
     input: &mut Unstructured,
     draw: impl FnOnce(&mut Unstructured) -> Result<T>,
@@ -50,7 +50,7 @@ pub fn maybe<T>(
     if input.arbitrary()? { draw(input).map(Some) } else { Ok(None) }
 }
 
-/// A count up to `most`, or one that nothing can reach.
+/// A count up to `most`, or an unreachable one.
 pub fn count(input: &mut Unstructured, most: usize) -> Result<usize> {
     if input.ratio(1, 16)? {
         return Ok(*input.choose(&[0, usize::MAX, usize::MAX / 2, 1 << 32, 1 << 20])?);
@@ -58,7 +58,7 @@ pub fn count(input: &mut Unstructured, most: usize) -> Result<usize> {
     input.int_in_range(0..=most)
 }
 
-/// Rows of any numbers, of a few that repeat, or of a bumpy surface.
+/// Rows of arbitrary numbers, of a few repeated ones, or of a bumpy surface.
 pub fn points(input: &mut Unstructured, most: usize) -> Result<Vec<[f64; 3]>> {
     let len = input.int_in_range(0..=most)?;
     Ok(match input.int_in_range(0..=7)? {
@@ -80,13 +80,13 @@ fn rows<T>(len: usize, mut draw: impl FnMut() -> Result<T>) -> Result<Vec<T>> {
     (0..len).map(|_| draw()).collect()
 }
 
-/// A point of a surface some 20 across, given by its number.
+/// A point of a surface about 20 across, by its number.
 fn surface(seed: u64, i: u64) -> Vector3<f64> {
     let direction = unit(seed, i);
     direction * (10.0 + (5.0 * direction.x).sin() + 2.0 * (3.0 * direction.y + 1.0).cos())
 }
 
-/// A direction given by its number.
+/// A direction by its number.
 fn unit(seed: u64, i: u64) -> Vector3<f64> {
     let words = random_words(seed, i);
     let [a, b] = [words[0], words[1]].map(|word| (word >> 11) as f64 / (1_u64 << 53) as f64);
@@ -95,7 +95,7 @@ fn unit(seed: u64, i: u64) -> Vector3<f64> {
     Vector3::new(r * turn.cos(), r * turn.sin(), z)
 }
 
-/// `len` directions: unit ones, now and then one that is not.
+/// `len` directions: unit vectors, sometimes one that is not.
 pub fn directions(input: &mut Unstructured, len: usize) -> Result<Vec<Vector3<f64>>> {
     let (seed, odd) = (input.arbitrary()?, input.ratio(1, 4)?);
     let draw = |i| {
@@ -107,14 +107,14 @@ pub fn directions(input: &mut Unstructured, len: usize) -> Result<Vec<Vector3<f6
     (0..len).map(draw).collect()
 }
 
-/// A rotation given by its number.
+/// A rotation by its number.
 pub fn rotation(seed: u64, i: u64) -> Matrix3<f64> {
     let words = random_words(seed ^ 0x5bd1_e995, i);
     let angle = (words[0] >> 11) as f64 / (1_u64 << 53) as f64 * std::f64::consts::PI;
     Rotation3::new(unit(seed, i) * angle).into_inner()
 }
 
-/// `len` frames, some of them missing, now and then one that is no rotation.
+/// `len` frames, some of them missing, sometimes one that is not a rotation.
 pub fn frames(input: &mut Unstructured, len: usize) -> Result<Vec<Frame>> {
     let (seed, odd) = (input.arbitrary()?, input.ratio(1, 8)?);
     let draw = |i| match i % 7 {
@@ -125,7 +125,7 @@ pub fn frames(input: &mut Unstructured, len: usize) -> Result<Vec<Frame>> {
     (0..len).map(draw).collect()
 }
 
-/// A rigid motion, small more often than not.
+/// A rigid motion, mostly small.
 pub fn pose(input: &mut Unstructured) -> Result<Rigid> {
     let (seed, i) = (input.arbitrary()?, input.arbitrary()?);
     let rotation = if input.arbitrary()? { Matrix3::identity() } else { rotation(seed, i) };

@@ -1,4 +1,4 @@
-//! Any cloud, through one step of the front end.
+//! Arbitrary clouds in one step of the front end.
 
 use arbitrary::{Result, Unstructured};
 use cgroup::features::fpfh::{Convention, Fpfh};
@@ -38,14 +38,14 @@ pub fn run(input: &mut Unstructured) -> Result<()> {
     }
 }
 
-/// Rows of the cloud, now and then one beyond it.
+/// Rows of the cloud, sometimes one out of range.
 fn keypoints(input: &mut Unstructured, cloud: &Cloud) -> Result<Vec<usize>> {
     let beyond = usize::from(input.ratio(1, 16)?);
     let last = (cloud.points().len() + beyond).saturating_sub(1);
     (0..input.int_in_range(0..=20)?).map(|_| input.int_in_range(0..=last)).collect()
 }
 
-/// One direction per point; now and then one more.
+/// One direction per point; sometimes one more.
 fn directions(input: &mut Unstructured, cloud: &Cloud) -> Result<Vec<Vector3<f64>>> {
     let more = usize::from(input.ratio(1, 32)?);
     draw::directions(input, cloud.points().len() + more)
@@ -163,7 +163,7 @@ fn fpfh(input: &mut Unstructured, cloud: &Cloud) -> Result<()> {
     Ok(())
 }
 
-/// One row per keypoint, wholly finite or wholly NaN.
+/// Checks one row per keypoint, all finite or all NaN.
 fn described<const N: usize>(name: &str, found: Option<Vec<[f32; N]>>, rows: usize) {
     let Some(found) = found else { return };
     assert_eq!(found.len(), rows, "{name}");

@@ -1,4 +1,4 @@
-//! Any correspondences, grouped.
+//! Grouping of arbitrary correspondences.
 
 use arbitrary::{Result, Unstructured};
 use cgroup::grouping::BoxedMethod;
@@ -6,7 +6,7 @@ use cgroup::{Correspondences, Execution};
 
 use super::{check, draw};
 
-/// Bounds below which pair scores are computed anew, and above which they are kept.
+/// Memory bounds below which pair scores are recomputed, and above which they are stored.
 const BOUNDS: [usize; 4] = [0, 4096, 1 << 20, usize::MAX];
 
 pub fn run(
@@ -42,7 +42,7 @@ fn correspondences(input: &mut Unstructured) -> Result<cgroup::Result<Correspond
     }))
 }
 
-/// Points that move with the source's up to some that don't, or unrelated ones.
+/// Source points under a rigid motion, with some replaced, or unrelated points.
 fn target_of(input: &mut Unstructured, source: &[[f64; 3]]) -> Result<Vec<[f64; 3]>> {
     if input.ratio(1, 8)? {
         return draw::points(input, 160);

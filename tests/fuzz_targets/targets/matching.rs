@@ -1,4 +1,4 @@
-//! Any descriptors, matched, and compared with a plain double loop.
+//! Matching of arbitrary descriptors, compared with a plain double loop.
 
 use arbitrary::{Result, Unstructured};
 use cgroup::Execution;
@@ -42,7 +42,7 @@ fn check_match(one: &Match, source: &[&[f64]], target: &[&[f64]], matching: &Mat
     assert!(nearer.count() < one.rank, "match: {one:?} is not of that rank");
 }
 
-/// Computed with care for squares that over- or underflow.
+/// Distance that handles squares which over- or underflow.
 fn distance(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a - b).fold(0.0, f64::hypot)
 }
@@ -51,7 +51,7 @@ fn rows(values: &[f64], length: usize) -> Vec<&[f64]> {
     values.chunks_exact(length).collect()
 }
 
-/// Rows of any numbers, or of moderate ones that repeat now and then.
+/// Rows of arbitrary numbers, or of moderate ones with some repeats.
 fn table(input: &mut Unstructured, length: usize) -> Result<Vec<f64>> {
     let len = input.int_in_range(0..=40)? * length;
     let (odd, scale) = (input.ratio(1, 4)?, *input.choose(&[1.0, 1.0, 1e-165, 1e-40, 1e30, 1e150])?);

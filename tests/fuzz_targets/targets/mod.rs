@@ -1,6 +1,7 @@
-//! What is fuzzed: each target makes an input of the bytes it gets, hostile ones included, and checks what comes back.
+//! Fuzz targets: each builds an input from bytes, including hostile ones, and checks the result.
 //!
-//! An error is a fine answer. A panic, a result of the wrong length, a number that is none, or another result on
+//! An error is a valid result. A panic, a result of the wrong length, a NaN, or a result that depends on the
+//! number of threads is not: the target panics.
 //! another number of threads is not: it panics.
 #![allow(dead_code, reason = "each fuzz target is a program that uses its own part")]
 
@@ -27,27 +28,27 @@ pub const TARGETS: [Target; 6] = [
     ("readers", readers),
 ];
 
-/// The nine methods of the paper, with any options.
+/// The nine methods of the paper, with arbitrary options.
 pub fn paper_methods(data: &[u8]) {
     run(data, |input| grouping::run(input, options::paper_method));
 }
 
-/// The modern methods, with any options.
+/// The modern methods, with arbitrary options.
 pub fn modern_methods(data: &[u8]) {
     run(data, |input| grouping::run(input, options::modern_method));
 }
 
-/// Keypoints, frames, descriptors and voxels of any cloud.
+/// Keypoints, frames, descriptors and voxels of arbitrary clouds.
 pub fn features(data: &[u8]) {
     run(data, features::run);
 }
 
-/// Nearest descriptors of any table.
+/// Nearest descriptors of arbitrary tables.
 pub fn matching(data: &[u8]) {
     run(data, matching::run);
 }
 
-/// Poses judged on any surfaces.
+/// Scores of poses on arbitrary surfaces.
 pub fn verification(data: &[u8]) {
     run(data, verification::run);
 }
@@ -58,6 +59,6 @@ pub fn readers(data: &[u8]) {
 }
 
 fn run(data: &[u8], target: impl FnOnce(&mut Unstructured) -> arbitrary::Result<()>) {
-    // Too few bytes make no input, which is no finding.
+    // Too few bytes for an input are not a finding.
     let _: Result<(), arbitrary::Error> = target(&mut Unstructured::new(data));
 }

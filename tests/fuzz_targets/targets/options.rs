@@ -1,4 +1,4 @@
-//! Methods with any options.
+//! Methods with arbitrary options.
 
 use arbitrary::{Result, Unstructured};
 use cgroup::grouping::{BoxedMethod, methods};
@@ -9,7 +9,7 @@ use super::draw::{count, length, number};
 /// The methods that the paper compares come first.
 const PAPER_METHODS: usize = 9;
 
-/// The greatest count that is drawn often, and rounds that stay fast.
+/// The greatest count drawn often, and a number of iterations that stays fast.
 const COUNTS: usize = 64;
 const ROUNDS: u64 = 100;
 

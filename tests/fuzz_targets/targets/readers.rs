@@ -1,4 +1,4 @@
-//! Files of any bytes, read as one of the formats.
+//! Arbitrary bytes, read as one of the formats.
 
 use arbitrary::{Result, Unstructured};
 use cgroup::Execution;
@@ -6,8 +6,8 @@ use cgroup::cloud_formats::{CloudContent, PARSERS, table};
 
 use super::check;
 
-/// Points per byte of a file that none exceeds: PCD's compression makes 90 bytes of 3, and a point needs 2 at least;
-/// a point of LAZ that equals the last one takes a hundredth of a bit.
+/// Upper bound of the points per byte of a file: PCD's compression expands 3 bytes to 90, and a point needs
+/// at least 2; a LAZ point equal to the last one takes a hundredth of a bit.
 fn most_points(name: &str, bytes: usize) -> usize {
     let per_byte = if name == "las" { 1 << 12 } else { 50 };
     per_byte * bytes

@@ -1,4 +1,4 @@
-//! Poses judged on any surfaces.
+//! Scores of poses on arbitrary surfaces.
 
 use arbitrary::{Result, Unstructured};
 use cgroup::geometry::rigid::Rigid;
@@ -61,7 +61,7 @@ fn surface(input: &mut Unstructured, points: &Points, unit: f64) -> Result<Optio
     Ok(on_threads("surface", || Surface::new(points, &normals, unit, side, &Execution::default())))
 }
 
-/// Matches that speak for poses; none where the points are refused.
+/// Matches that support poses; `None` if the points are rejected.
 fn evidence(input: &mut Unstructured) -> Result<Option<Evidence>> {
     let clouds = [draw::points(input, 40)?, draw::points(input, 40)?];
     let tolerance = length(input)?;
