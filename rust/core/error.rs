@@ -61,7 +61,7 @@ fn mebibytes(bytes: usize) -> String {
     if size < 10.0 { format!("{size:.1} MiB") } else { format!("{size:.0} MiB") }
 }
 
-/// A number for an error message, in powers of ten where it would have many digits.
+/// A number for an error message, as a power of ten if it has many digits.
 pub(crate) fn shown(value: f64) -> String {
     let plain = value == 0.0 || (1e-5..1e16).contains(&value.abs()) || !value.is_finite();
     if plain { value.to_string() } else { format!("{value:e}") }

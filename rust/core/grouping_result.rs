@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 /// The correspondences selected by a method.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Grouping {
-    /// Row `i` is true where correspondence `i` is selected; in the input's order.
+    /// Row `i` is true if correspondence `i` is selected; in the input's order.
     pub mask: Vec<bool>,
     /// The method's score of every correspondence, higher is better.
     pub scores: Option<Vec<f64>>,

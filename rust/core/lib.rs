@@ -17,9 +17,9 @@
 //! | [`cloud_formats`] | reads clouds from the bytes of PLY, PCD, OBJ, OFF, STL, text, PTS and KITTI files |
 //! | [`compatibility`], [`consensus`], [`selection`], [`geometry`] | components of the methods |
 //!
-//! Every long computation takes an [`Execution`]: it can interrupt the computation, reads its progress, and
-//! bounds its memory. Failures are an [`Error`]; the crate does not panic. Computations use rayon's threads.
-//! Lengths are in the unit of the data; angles are in degrees if a name says so.
+//! Every long computation takes an [`Execution`], by which the caller can interrupt it, read its progress,
+//! and bound its memory. Failures are an [`Error`]; the crate does not panic. Computations use rayon's
+//! threads. Lengths are in the unit of the data; angles are in degrees if the name contains it.
 //!
 //! # Group matches
 //!

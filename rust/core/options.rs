@@ -153,10 +153,10 @@ pub trait Described {
     /// Its options in their order.
     fn options(&self) -> &'static [OptionInfo];
 
-    /// The value of the option of that name, if there is one.
+    /// Value of the option with that name; `None` if there is none.
     fn get(&self, name: &str) -> Option<Value>;
 
-    /// Sets the option of that name and says whether there is one that takes such a value.
+    /// Sets the option with that name; returns whether it exists and accepts the value.
     fn set(&mut self, name: &str, value: Value) -> bool;
 
     /// Checks the range of every option.

@@ -1,4 +1,4 @@
-//! Core numbers: how densely each correspondence is connected to others that are connected as densely.
+//! Core numbers of correspondences: a measure of the density of their neighbourhoods in the graph.
 //!
 //! The k-core is the graph that remains after all vertices with fewer than k neighbours are removed
 //! repeatedly; the core number of a vertex is the greatest k whose core contains it (Seidman, 1983). A clique

@@ -1,10 +1,11 @@
 //! Lanczos's method: the principal eigenvector of a stored matrix, to full f64 precision.
 //!
 //! The matrix is projected onto the orthogonalized vectors `x, M x, M^2 x, ...`, where it is tridiagonal.
-//! With equal entries in x the greatest eigenvalue is never missed: a non-negative matrix has an eigenvector
-//! of it without negative entries, whose angle to x has a cosine of at least `1 / sqrt n`. Each vector is
-//! orthogonalized against all before it, twice, to remove rounding errors; after n vectors the projection is
-//! the matrix itself. If the greatest eigenvalue is a multiple one, the eigenvector is the one nearest to x.
+//! With equal entries in x the greatest eigenvalue is never missed: a non-negative matrix has a corresponding
+//! eigenvector without negative entries, and the cosine of its angle to x is at least `1 / sqrt n`. Each
+//! vector is orthogonalized against all before it, twice, to remove rounding errors; after n vectors the
+//! projection is the matrix itself. If the greatest eigenvalue is a multiple one, the eigenvector is the one
+//! nearest to x.
 //!
 //! Cost O(n^2) per vector. Tens of vectors suffice; up to n are needed if the second eigenvalue is very
 //! close. Memory `8 n^2` bytes, and `8 n` per vector.

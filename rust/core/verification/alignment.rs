@@ -205,7 +205,7 @@ fn nearest(
     found.offset()
 }
 
-/// Pair of a moved point with a fixed one and the plane's normal, weighted by the sample; `None` beyond
+/// Pair of a moved and a fixed point with the plane's normal and the sample's deviation; `None` beyond
 /// `reach`.
 fn as_pair(
     sample: &Sample,

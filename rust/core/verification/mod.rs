@@ -2,7 +2,7 @@
 //!
 //! Matches alone are weak evidence for two scans that overlap by a third: wrong poses gather as many by
 //! chance. The surfaces are stronger evidence. Samples of each surface are moved onto the other. A sample x
-//! with a near point y of normal m has the distance `e^2 = ((x - y) . m)^2 + 0.15 |x - y|^2`; it adds
+//! with a near point y of normal m has the squared residual `e^2 = ((x - y) . m)^2 + 0.15 |x - y|^2`; it adds
 //! `1 - e^2 / tolerance^2` if the normals agree. A sample without a near point subtracts 1 in front of the
 //! surface that the scanner observed, and 0.3 if it faces the scanner in front of background, where the
 //! scanner observed nothing. The score is the sum of both surfaces' means.

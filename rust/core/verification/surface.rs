@@ -21,7 +21,7 @@ use crate::verification::sampling;
 const MOST_SAMPLES: usize = 2_500;
 /// Fewest points with a normal.
 const LEAST_POINTS: usize = 10;
-/// Least diagonal of the bounding box, in units; smaller surfaces cannot tell poses apart.
+/// Least diagonal of the bounding box, in units; smaller surfaces cannot distinguish poses.
 const LEAST_SPAN: f64 = 10.0;
 /// Largest distance of the viewpoint, in units; beyond it, single precision loses the depths.
 const MOST_RANGE: f64 = 1e6;

@@ -2,7 +2,6 @@
 //!
 //! An error is a valid result. A panic, a result of the wrong length, a NaN, or a result that depends on the
 //! number of threads is not: the target panics.
-//! another number of threads is not: it panics.
 #![allow(dead_code, reason = "each fuzz target is a program that uses its own part")]
 
 mod check;

@@ -1,12 +1,11 @@
 //! Attempts with one tolerance or several.
 //!
-//! If no tolerance is given, steps 1 to 8 use the likeliest one. Then, without frames, they use others in
-//! steps of a factor of two in both directions, until one answer is significant. The noise under the answer
-//! is estimated and refines the pose (`noise.rs`). If the noise is too large for the tolerance, the poses
-//! found are scored again with the tolerance that matches the noise. If a resolution is given, another
+//! If no tolerance is given, steps 1 to 8 use the likeliest one. Others follow without frames, in steps of a
+//! factor of two in both directions, until one answer is significant. The noise under the answer is
+//! estimated, and the pose is refined with it (`noise.rs`). If the noise is too large for the tolerance, the
+//! poses found are scored again with the tolerance that matches the noise. If a resolution is given, another
 //! tolerance only decides whether the motion found is significant, unless the given one is far too large for
 //! the noise. Without a resolution, the fewest false alarms win.
-//! too great for the noise. Without one, the fewest false alarms win.
 
 use std::rc::Rc;
 

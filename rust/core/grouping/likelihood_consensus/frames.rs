@@ -33,7 +33,7 @@ const LIKELIHOOD_RATIO: f64 = 40.0;
 /// Radius, in units of the tolerance, within which matches are wrong together.
 const CLUSTER: f64 = 5.0;
 
-/// `L'^T L` of each match that has both frames; `None` where no match has.
+/// `L'^T L` of each match that has both frames; `None` if none has.
 pub fn proposed_rotations(correspondences: &Correspondences) -> Result<Option<Vec<Option<Matrix3<f64>>>>> {
     let Ok((source, target)) = correspondences.frames("lc") else {
         return Ok(None);

@@ -2,7 +2,7 @@
 
 use crate::{Result, memory};
 
-/// The value x that minimises the sum over k of `min((x - x_k)^2 / r_k^2, 1)`, with ranges `r_k > 0`.
+/// The value x that minimizes the sum over k of `min((x - x_k)^2 / r_k^2, 1)`, with ranges `r_k > 0`.
 ///
 /// Each measurement is an inlier on an interval `x_k -+ r_k`. Between two interval ends the set of inliers is
 /// constant; the minimum is the weighted mean of one of these sets. The lowest of several minima of equal
