@@ -98,8 +98,8 @@ fn work_ends_early_at_its_deadline() {
 }
 
 #[test]
-#[expect(clippy::panic, reason = "it is what is tried")]
-fn a_panic_stays_inside() {
+#[expect(clippy::panic, reason = "the test panics on purpose")]
+fn a_panic_is_an_error() {
     for threads in [1, 2] {
         let outcome = call(threads, None, |_| panic!("on purpose"), || Ok(()));
         assert!(matches!(outcome, Err(Failure::Panicked)), "{outcome:?}");

@@ -143,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_kept_is_used_again() -> Result<()> {
+    fn cached_searches_are_reused() -> Result<()> {
         let execution = Execution::default();
         let cloud = scattered()?;
         assert!(Arc::ptr_eq(&cloud.nearest(&execution)?, &cloud.nearest(&execution)?));
@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn a_held_lock_only_means_to_build_anew() -> Result<()> {
+    fn a_held_lock_makes_a_search_build_anew() -> Result<()> {
         let cloud = scattered()?;
         let search = cloud.balls(0.5)?;
         let held = cloud.kept.lock();
@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn a_resolution_without_duplicates_is_another_number() -> Result<()> {
+    fn resolutions_with_and_without_duplicates_are_cached_separately() -> Result<()> {
         let cloud = Cloud::from_rows("points", &[[0.0; 3], [0.0; 3], [2.0, 0.0, 0.0]])?;
         let execution = Execution::default();
         for _ in 0..2 {

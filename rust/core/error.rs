@@ -105,7 +105,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_of_many_digits_are_shown_in_powers_of_ten() {
+    fn numbers_of_many_digits_are_shown_as_powers_of_ten() {
         let numbers = [0.0, -1.0, 0.25, 1e301, -5e-324, f64::NAN].map(shown);
         assert_eq!(numbers, ["0", "-1", "0.25", "1e301", "-5e-324", "NaN"]);
     }

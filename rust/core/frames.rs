@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn gives_back_what_it_was_made_of() -> Result<()> {
+    fn returns_the_given_frames() -> Result<()> {
         let frames = rotations(21);
         let kept = frames.clone().into_frames()?;
         assert_eq!((0..kept.len()).map(|i| kept.get(i)).collect::<Vec<_>>(), frames);
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn names_the_first_that_is_no_rotation() -> Result<()> {
+    fn names_the_first_invalid_rotation() -> Result<()> {
         let scaled = Matrix3::identity() * 1.001;
         let mirrored = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, -1.0));
         let sheared = Matrix3::new(1.0, 0.01, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
@@ -196,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_asked_of_a_frame_that_is_missing() {
+    fn missing_frames_are_valid() {
         let mut block = [7.0, f64::INFINITY, 3.0, -2.0, 0.0, 0.0, 0.0, 1.0, 5.0];
         block[4] = f64::NAN;
         assert_eq!(Frames::Double(vec![block; 3]).validate("source_lrf"), Ok(()));

@@ -212,7 +212,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn more_than_there_can_be_is_an_error() {
+    fn impossible_sizes_are_errors() {
         let refused = Err(Error::OutOfMemory { bytes: usize::MAX });
         assert_eq!(filled(0.0_f64, usize::MAX), refused);
         assert_eq!(probe::<f64>(usize::MAX).map(|()| Vec::new()), refused);

@@ -355,13 +355,13 @@ mod tests {
     use crate::grouping::methods;
 
     #[test]
-    fn thousands_are_parted() {
+    fn thousands_are_separated() {
         let numbers = [7, 100, 1_000, 12_345, 1_000_000].map(grouped);
         assert_eq!(numbers, ["7", "100", "1,000", "12,345", "1,000,000"]);
     }
 
     #[test]
-    fn every_option_can_be_set_to_what_it_is_and_to_nothing_else() {
+    fn every_option_accepts_its_own_type_only() {
         for (name, mut method) in methods() {
             for option in method.options() {
                 let value = method.get(option.name).unwrap_or(Value::None);

@@ -4,7 +4,7 @@
 //! requested by the threads of that function's pool are counted and refused, and only those of [`LEAST`]
 //! bytes or more: memory that does not grow with the input is smaller.
 #![allow(dead_code, reason = "each test file uses its own part")]
-#![expect(unsafe_code, reason = "an allocator can't be written without")]
+#![expect(unsafe_code, reason = "an allocator requires it")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;

@@ -55,7 +55,7 @@ fn too_little_memory_for_the_graph_is_refused() -> Result<()> {
 }
 
 #[test]
-fn an_interrupted_run_says_so() -> Result<()> {
+fn an_interrupted_run_is_an_error() -> Result<()> {
     let input = problem(1, 500, 0.2, 0.5).correspondences()?;
     for (name, method) in methods() {
         if ["ss", "nnsr", "3dhv"].contains(&name) {

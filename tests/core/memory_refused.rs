@@ -167,7 +167,7 @@ fn modern_variants() -> Vec<(&'static str, BoxedMethod)> {
 }
 
 #[test]
-fn variants_of_the_paper_s_methods() -> Result<()> {
+fn variants_of_the_papers_methods() -> Result<()> {
     let input = input(N)?;
     for (name, method) in variants() {
         refuse(name, method.as_ref(), &input, usize::MAX)?;
@@ -194,7 +194,7 @@ fn variants_of_the_other_methods() -> Result<()> {
 }
 
 #[test]
-fn st_by_its_slow_ways() -> Result<()> {
+fn st_with_its_slow_options() -> Result<()> {
     let input = input(400)?;
     let dense = Spectral { eigensolver: Eigensolver::Dense, ..Spectral::default() };
     refuse("st, dense", &dense, &input, usize::MAX)?;

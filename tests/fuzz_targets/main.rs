@@ -16,7 +16,7 @@ const MUTATIONS: u64 = 12;
 const MOST_MEMORY: usize = 512 << 10;
 
 #[test]
-fn targets_accept_their_corpus_and_what_is_like_it() -> io::Result<()> {
+fn targets_accept_their_corpus_and_mutations() -> io::Result<()> {
     for (name, target) in TARGETS {
         let files = corpus(name)?;
         assert!(files.len() >= 10, "{name}: a corpus of {}", files.len());

@@ -168,7 +168,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn commas_are_what_the_other_separators_leave() {
+    fn other_separators_make_commas_decimal() {
         for (row, is_decimal) in [
             ("1,2,3", false),
             ("1.5,2.5,-3.5e2", false),

@@ -42,7 +42,7 @@ impl Fans {
 }
 
 /// An integer stored as any number type; -1, which is no row, for other values.
-#[expect(clippy::float_cmp, reason = "a whole number is exactly what its cast gives back")]
+#[expect(clippy::float_cmp, reason = "the cast of an integer is exact")]
 pub(super) fn row_of(number: f64) -> i64 {
     // Faster than testing the fraction, for which some processors have no instruction.
     let row = number as i64;

@@ -302,7 +302,7 @@ mod tests {
     }
 
     #[test]
-    fn counts_have_to_fit() {
+    fn counts_must_fit_the_file() {
         assert!(check_room("points", 5, 2, 10).is_ok());
         assert!(check_room("points", 6, 2, 10).is_err());
         assert!(check_room("points", usize::MAX, 2, 10).is_err());

@@ -86,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn what_can_not_be_is_refused() {
+    fn invalid_sequences_are_refused() {
         let cases: [(&[u8], usize); 7] = [
             (&[2, b'a'], 3),
             (&[0, b'a', 0x20, 1], 4),

@@ -100,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn colors_stand_behind_points() -> Result<()> {
+    fn colors_follow_points() -> Result<()> {
         let cloud = read(b"v 0 0 0 1 0.5 0\nv 1 0 0 1 0 0 1\n")?;
         assert_eq!((cloud.colors, cloud.faces), (Some(vec![[255, 128, 0], [0, 0, 255]]), None));
         assert_eq!(read(b"v 0 0 0 1 0.5 0\nv 1 0 0\n")?.colors, None);
@@ -108,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_said() {
+    fn errors_name_the_fault() {
         for (content, says) in [
             ("v 0 0\n", "line 1: got the end of the line"),
             ("v 0 0 x\n", "line 1: got \"x\""),

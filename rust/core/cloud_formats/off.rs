@@ -93,7 +93,7 @@ mod tests {
     }
 
     #[test]
-    fn the_counts_stand_in_several_places() -> Result<()> {
+    fn counts_are_found_in_several_places() -> Result<()> {
         let body = "# a comment\n0 0 0\n1 0 0 # another\n\n1 1 0\n0 1 0\n4 0 1 2 3 255 0 0\n3 3 2 0\n";
         for counts in ["OFF\n4 2 5\n", "# before\nOFF 4 2 5\r\n", "OFF4 2 0\n", "OFF\n4 2\n"] {
             let cloud = read(&format!("{counts}{body}"))?;
@@ -104,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn letters_say_what_points_have() -> Result<()> {
+    fn letters_declare_normals_and_colors() -> Result<()> {
         let cloud = read("NOFF\n1 0 0\n1 2 3 0 0 1\n")?;
         assert_eq!((cloud.normals, cloud.colors), (Some(vec![[0.0, 0.0, 1.0]]), None));
         let cloud = read("COFF\n1 0 0\n1 2 3 1 0.5 0 1\n")?;
@@ -115,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_said() {
+    fn errors_name_the_fault() {
         for (content, says) in [
             ("", "the end of the file"),
             ("ply\n", "begins with the word OFF"),

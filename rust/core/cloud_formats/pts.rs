@@ -64,7 +64,7 @@ mod tests {
     }
 
     #[test]
-    fn columns_say_what_there_is() -> Result<()> {
+    fn the_number_of_columns_decides_about_colors() -> Result<()> {
         for (text, color) in [
             ("2\n1 2 3\n4 5 6\n", None),
             ("1 2 3 -100\n4 5 6 7\n", None),
@@ -79,7 +79,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_said() {
+    fn errors_name_the_fault() {
         for (content, says) in [
             ("3\n1 2 3\n4 5 6\n", "points: got 3 of at least 6 bytes"),
             ("2\n1 2 3.00000\n", "1 of 2 points"),

@@ -128,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn scans_come_into_one_frame() -> Result<()> {
+    fn scans_are_moved_to_one_frame() -> Result<()> {
         let scan = format!("1\n2\n{HEAD}1 2 3 .5 0 1 300\n0 0 0 0 0 0 0\n");
         let cloud = read(&scan)?;
         assert_eq!(cloud.points.first(), Some(&[8.0, 21.0, 33.0]));
@@ -143,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_said() {
+    fn errors_name_the_fault() {
         for (content, says) in [
             (format!("2\n1\n{HEAD}1 2 3 4\n"), "points: got 2 of at least 8 bytes"),
             (format!("2\n1\n{HEAD}1 2 3 4.000000000\n"), "the end of the file"),

@@ -52,7 +52,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_first_of_equal_points_stays() {
+    fn the_first_of_equal_points_is_kept() {
         let points =
             vec![[1.0, 0.0, 0.0], [-0.0, 2.0, 0.0], [1.0, 0.0, -0.0], [f64::NAN, 0.0, 0.0], [0.0, 2.0, 0.0]];
         let colors = Some((0..5).map(|i| [i; 3]).collect());

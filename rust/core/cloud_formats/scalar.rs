@@ -99,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn text_is_held_as_declared() {
+    fn text_is_rounded_to_the_declared_type() {
         let held = [Scalar::F32, Scalar::F64, Scalar::U8].map(|scalar| scalar.hold(3.1));
         assert_eq!(Some(held), Some([f64::from(3.1_f32), 3.1, 3.0]));
     }

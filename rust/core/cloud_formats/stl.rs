@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_cut_off_is_refused() {
+    fn truncated_files_are_refused() {
         let content = binary();
         assert!(read(&content[..content.len() - 1]).is_err());
         assert!(read(&content[50..]).is_err());

@@ -84,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_said() {
+    fn errors_name_the_fault() {
         for (content, says) in [
             ("# nothing\n", "no numbers"),
             ("1 2\n3\n", "line 2: got 1 columns; the first row has 2"),

@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_said() {
+    fn errors_name_the_fault() {
         for (content, says) in [
             ("hello, world\n", "line 1: got \"hello, world\""),
             ("1 2\n", "line 1: got 2 columns; a point of such a file has 3"),

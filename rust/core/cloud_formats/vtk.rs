@@ -208,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn binary_numbers_begin_with_their_first_byte() -> Result<()> {
+    fn binary_numbers_are_big_endian() -> Result<()> {
         for (kind, bytes) in [
             ("double", [1.5_f64, -2.0, 3.0].map(f64::to_be_bytes).concat()),
             ("float", [1.5_f32, -2.0, 3.0].map(f32::to_be_bytes).concat()),
@@ -225,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_said() {
+    fn errors_name_the_fault() {
         for (content, says) in [
             (String::new(), "the end of the file"),
             ("<VTKFile>".into(), "line 1: got \"<VTKFile>\""),

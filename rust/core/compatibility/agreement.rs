@@ -473,7 +473,7 @@ mod tests {
     }
 
     #[test]
-    fn pairs_at_the_very_tolerance_are_settled_in_f64() -> Result<()> {
+    fn pairs_at_the_tolerance_are_decided_in_f64() -> Result<()> {
         // On a line, differences are multiples of 0.1, some rounded up and some down.
         for scale in [1e-30, 1.0, 1e30] {
             let source: Vec<_> = (0..400).map(|i| [f64::from(i) * scale, 0.0, 0.0]).collect();

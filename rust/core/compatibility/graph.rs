@@ -355,7 +355,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_are_symmetric_and_leave_themselves_out() -> Result<()> {
+    fn rows_are_symmetric_without_a_diagonal() -> Result<()> {
         let graph = graph(200)?;
         assert!((0..200).any(|i| graph.joined(0, i)));
         for (i, j) in (0..200).flat_map(|i| (0..=i).map(move |j| (i, j))) {
@@ -366,7 +366,7 @@ mod tests {
     }
 
     #[test]
-    fn common_neighbors_are_counted_for_those_asked_about() -> Result<()> {
+    fn common_neighbors_are_counted_for_the_given_vertices() -> Result<()> {
         let graph = graph(300)?;
         let mut counted = Vec::new();
         graph.count_common_with(3, graph.row(7), |j, common| counted.push((j, common)));
@@ -379,7 +379,7 @@ mod tests {
     }
 
     #[test]
-    fn common_neighbors_come_in_order_and_not_too_many() -> Result<()> {
+    fn common_neighbors_are_ascending_and_limited() -> Result<()> {
         let graph = graph(300)?;
         let both = |i: usize| graph.joined(3, i) && graph.joined(7, i);
         let expected: Vec<u32> = (0..300).filter(|&i| both(i)).map(|i| i as u32).collect();
@@ -399,7 +399,7 @@ mod tests {
     }
 
     #[test]
-    fn an_induced_graph_joins_the_same_vertices() -> Result<()> {
+    fn an_induced_graph_connects_the_same_vertices() -> Result<()> {
         let graph = graph(150)?;
         let vertices: Vec<u32> = (0..150).rev().filter(|i| i % 7 != 3).collect();
         let induced = graph.induced(&vertices, &Execution::default())?;

@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn pairs_at_the_very_bounds_are_settled_in_f64() -> Result<()> {
+    fn pairs_at_the_bounds_are_decided_in_f64() -> Result<()> {
         // On a line, lengths and differences are multiples of 0.1, some rounded up and some down.
         for scale in [1e-30, 1.0, 1e30] {
             let source: Vec<_> = (0..300).map(|i| [0.1 * f64::from(i) * scale, 0.0, 0.0]).collect();

@@ -220,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn each_choice_takes_its_best() -> Result<()> {
+    fn each_choice_selects_its_best_pose() -> Result<()> {
         let (source, target) = problem(25)?;
         let poses = [0.99, 3.0, 0.5, 0.5, -0.9].map(|x| shift(x, &source, &target));
         let best = |choice| best_pose(&poses, &source, &target, 1.0, choice, &Execution::default());
@@ -243,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn the_group_are_the_inliers() -> Result<()> {
+    fn the_group_is_the_inliers() -> Result<()> {
         let (source, target) = problem(25)?;
         let group = group_of(Some(shift(0.2, &source, &target)), &source, &target, 0.5)?;
         assert_eq!(group.mask, (0..40).map(|i| i < 25).collect::<Vec<_>>());

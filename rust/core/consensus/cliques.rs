@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn the_heaviest_clique_moves_as_its_points_do() -> Result<()> {
+    fn the_heaviest_clique_gives_the_motion_of_its_points() -> Result<()> {
         let (source, target) = problem()?;
         let graph = AgreementGraph::new(&source, &target, 1e-6, 2e-6, &Execution::default())?;
         let poses = clique_poses(&graph, &source, &target, 100, &Execution::default())?;
@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn members_are_all_joined_and_cliques_all_different() -> Result<()> {
+    fn members_are_connected_and_cliques_distinct() -> Result<()> {
         let (source, target) = problem()?;
         let graph = AgreementGraph::new(&source, &target, 10.0, 20.0, &Execution::default())?;
         let edges = graph.heaviest_edges(200, &Execution::default())?;
@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn candidates_hold_what_they_are_made_of() -> Result<()> {
+    fn candidates_contain_the_given_vertices() -> Result<()> {
         let vertices = [70, 127, 128, 200];
         let mut candidates = Candidates::new(&vertices)?;
         assert_eq!((candidates.first, candidates.words.len()), (1, 3));

@@ -93,7 +93,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn no_two_of_a_color_are_joined() -> Result<()> {
+    fn connected_vertices_differ_in_color() -> Result<()> {
         for n in [0, 1, 63, 64, 65, 200] {
             let graph = graph(n, 0.3)?;
             let (mut left, mut colored) = (all(n)?, Vec::new());

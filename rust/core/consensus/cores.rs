@@ -119,7 +119,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn the_k_core_is_what_is_left_without_those_of_fewer_neighbors() -> Result<()> {
+    fn the_k_core_remains_after_removing_lower_degrees() -> Result<()> {
         for n in [0, 1, 2, 64, 65, 200] {
             let graph = graph(n, 0.3)?;
             let cores = Cores::of(&graph, &Execution::default())?;
@@ -141,7 +141,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn each_has_no_more_neighbors_after_it_than_its_number() -> Result<()> {
+    fn no_vertex_has_more_later_neighbors_than_its_core_number() -> Result<()> {
         let graph = graph(200, 0.3)?;
         let cores = Cores::of(&graph, &Execution::default())?;
         let mut sorted = cores.order.clone();

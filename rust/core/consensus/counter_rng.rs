@@ -58,7 +58,7 @@ mod tests {
     }
 
     #[test]
-    fn draws_distinct_indices_of_all_kinds() {
+    fn draws_distinct_indices_uniformly() {
         let mut seen = [0_u32; 4];
         for counter in 0..1000 {
             let [a, b, c] = sample_three(1, counter, 4);

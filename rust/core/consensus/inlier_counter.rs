@@ -308,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn residuals_at_the_very_tolerance_are_settled_in_f64() -> Result<()> {
+    fn residuals_at_the_tolerance_are_decided_in_f64() -> Result<()> {
         let rows: Vec<_> = (0..300).map(|i| [f64::from(i), f64::from(i * i % 7), 0.0]).collect();
         let moved = |(i, r): (usize, &[f64; 3])| [r[0], r[1] + 0.1 * (i % 5) as f64, 0.0];
         let moved: Vec<_> = rows.iter().enumerate().map(moved).collect();

@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn is_as_large_as_a_plain_search_finds() -> Result<()> {
+    fn is_as_large_as_by_brute_force() -> Result<()> {
         for (n, tolerance) in
             [(0, 1.0), (1, 1.0), (2, 9.0), (40, 0.5), (64, 0.4), (65, 0.3), (130, 0.2), (150, 0.1)]
         {
@@ -239,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn a_search_cut_short_says_so_and_keeps_a_clique() -> Result<()> {
+    fn a_search_cut_short_is_reported_and_returns_a_clique() -> Result<()> {
         let graph = graph(150, 0.4)?;
         let (short, whole) = (search(&graph, 0)?, search(&graph, usize::MAX)?);
         assert!(!short.complete && whole.complete && short.steps < whole.steps);

@@ -209,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pose_that_two_support_is_no_mode() -> Result<()> {
+    fn a_pose_with_two_supporters_is_not_a_mode() -> Result<()> {
         let (source, target) = problem()?;
         let (source, target) = (source.subset(&[0, 1, 70, 80])?, target.subset(&[0, 1, 70, 80])?);
         let likelihood = Likelihood::new(&source, &target, &[2.0; 4], 2.0, 6.0)?;

@@ -68,7 +68,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pose_of_few_becomes_that_of_all_inliers() -> Result<()> {
+    fn a_pose_of_few_inliers_is_refined_to_that_of_all() -> Result<()> {
         let (source, target) = problem()?;
         let (few, all) = (pose_of(&source, &target, 0..4), pose_of(&source, &target, 0..30));
         let refined = reweighted(&few, &source, &target, 0.5, 20)?;
@@ -78,7 +78,7 @@ mod tests {
     }
 
     #[test]
-    fn no_round_and_no_inlier_leave_the_pose() -> Result<()> {
+    fn without_iterations_or_inliers_the_pose_is_kept() -> Result<()> {
         let (source, target) = problem()?;
         let pose = pose_of(&source, &target, 0..4);
         assert_eq!(reweighted(&pose, &source, &target, 0.5, 0)?, pose);

@@ -106,7 +106,7 @@ mod tests {
     use nalgebra::Rotation3;
 
     #[test]
-    fn the_largest_star_moves_as_its_matches_do() -> Result<()> {
+    fn the_largest_star_gives_the_motion_of_its_matches() -> Result<()> {
         let place = |i: usize, k: f64| [1.1, 2.3, 3.7].map(|f| 50.0 * (i as f64 * f * k + k).sin());
         let rows: Vec<[f64; 3]> = (0..60).map(|i| place(i, 1.0)).collect();
         let moved = |(i, p): (usize, &[f64; 3])| if i < 5 { [-p[1], p[0], p[2]] } else { place(i, 0.7) };

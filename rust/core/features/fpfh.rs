@@ -278,7 +278,7 @@ mod tests {
     }
 
     #[test]
-    fn keypoints_get_the_rows_they_have_among_all() -> Result<()> {
+    fn keypoints_have_the_same_rows_as_among_all_points() -> Result<()> {
         let (cloud, normals) = wavy()?;
         let execution = Execution::default();
         let keypoints = [7, 399, 7, 0];

@@ -185,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn bisects_to_a_number() -> Result<()> {
+    fn bisects_to_a_count() -> Result<()> {
         let points = row(400)?;
         let scores: Vec<f64> = (0..400).map(|i| f64::from(i * i * 31 % 409)).collect();
         for count in [5, 20, 60] {
@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn bisecting_finds_what_each_radius_alone_would() -> Result<()> {
+    fn bisection_equals_a_search_for_each_radius() -> Result<()> {
         let rows: Vec<[f64; 3]> =
             (0..2000).map(|i| [1.1, 2.3, 3.7].map(|f| (f64::from(i) * f).sin())).collect();
         let scores: Vec<f64> = (0..2000).map(|i| f64::from(i * i % 401)).collect();

@@ -172,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn edges_of_three_faces_join_none_of_them() -> Result<()> {
+    fn edges_of_three_faces_connect_none_of_them() -> Result<()> {
         let rows = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]];
         let faces = [[0, 1, 2], [0, 1, 3], [0, 1, 4], [1, 1, 2]];
         let edges = Edges::new(&faces, rows.len(), &Execution::default())?;
@@ -185,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn an_interruption_ends_it() -> Result<()> {
+    fn an_interruption_ends_the_computation() -> Result<()> {
         let points = Points::from_rows("points", &OCTAHEDRON)?;
         let execution = Execution::default();
         execution.interrupt();

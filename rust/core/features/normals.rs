@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_duplicates_and_isolated_points_have_none() -> Result<()> {
+    fn lines_duplicates_and_isolated_points_have_no_normal() -> Result<()> {
         let line: Vec<[f64; 3]> = (0..9).map(|i| [0.1 * f64::from(i), 0.2 * f64::from(i), 0.0]).collect();
         for rows in [line, vec![[1.0; 3]; 9], vec![[0.0; 3]], vec![]] {
             let cloud = Cloud::from_rows("points", &rows)?;

@@ -1,6 +1,6 @@
 //! The angles between two oriented points that FPFH counts, vectorized over the neighbours of one point.
 
-#![expect(clippy::inline_always, reason = "must take on the vector features of the loop it stands in")]
+#![expect(clippy::inline_always, reason = "must inherit the vector features of the surrounding loop")]
 
 use std::f64::consts::PI;
 

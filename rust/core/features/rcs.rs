@@ -72,7 +72,7 @@ impl Rcs {
 
 /// Extends the contour, as squared distances, by up to [`LANES`] points projected along the third axis.
 #[inline(always)]
-#[expect(clippy::inline_always, reason = "must take on the vector features of its caller")]
+#[expect(clippy::inline_always, reason = "must inherit the vector features of its caller")]
 fn extend(contour: &mut [f64], offsets: &[[f64; 3]], axes: &Matrix3<f64>) {
     let (mut x, mut y) = ([0.0; LANES], [0.0; LANES]);
     for (lane, &offset) in offsets.iter().enumerate() {
@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn turning_is_a_rotation() {
+    fn rotation_is_orthonormal() {
         assert!((rotation(0.0) - Matrix3::identity()).amax() < 1e-15);
         for view in 0..VIEWS {
             let turn = rotation(STEP * view as f64);

@@ -153,7 +153,7 @@ struct Place {
 
 /// Positions of up to [`LANES`] neighbours; the angles, the most expensive part, are vectorized.
 #[inline(always)]
-#[expect(clippy::inline_always, reason = "must take on the vector features of its caller")]
+#[expect(clippy::inline_always, reason = "must inherit the vector features of its caller")]
 fn places(offsets: &[[f64; 3]], axes: &Matrix3<f64>) -> [Place; LANES] {
     let mut places = [Place::default(); LANES];
     let (mut azimuths, mut inclinations) = ([0.0; LANES], [0.0; LANES]);
@@ -208,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn a_vote_in_the_middle_of_a_bin_stays_there() {
+    fn a_vote_in_the_middle_of_a_bin_is_not_shared() {
         // Azimuth -157.5 degrees is the middle of sector 0; elevation 45, distance 3 = 3/4 R.
         let (s, c) = (PI / 8.0).sin_cos();
         let side = 3.0 * FRAC_PI_4.sin();

@@ -131,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn too_few_neighbours_make_no_frame() -> Result<()> {
+    fn too_few_neighbours_give_no_frame() -> Result<()> {
         let cloud = Cloud::from_rows("points", &half_dome()[..5])?;
         assert_eq!(shot_frames(&cloud, &[0, 1], 9.0, &Execution::default())?, [None, None]);
         assert!(shot_frames(&cloud, &[], 9.0, &Execution::default())?.is_empty());

@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn cells_are_numbered_in_their_order_however_many_they_are() -> Result<()> {
+    fn cells_are_numbered_in_order_for_any_number() -> Result<()> {
         let points = wave(3000)?;
         for size in [1e-3, 0.02, 0.3, 5.0] {
             let grid = Grid::new(&points, size)?;
@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn counting_ends_beyond_the_most() -> Result<()> {
+    fn counting_ends_beyond_the_limit() -> Result<()> {
         let grid = Grid::new(&wave(3000)?, 0.02)?;
         let all = grid.count(&wave(3000)?, usize::MAX)?;
         for most in [0, 1, 500, all - 1, all, all + 1] {

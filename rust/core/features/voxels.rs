@@ -190,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn few_points_are_thinned_out_too() -> Result<()> {
+    fn few_points_are_downsampled_too() -> Result<()> {
         let points = wave(300)?;
         let size = choose_voxel(&[&points], 5000, &Execution::default())?;
         assert!((50..=150).contains(&count_voxels(&points, size)?));
@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn a_raster_on_faces_is_cut_evenly() -> Result<()> {
+    fn a_raster_on_faces_is_divided_evenly() -> Result<()> {
         // The mean is not a multiple of the spacing, so that subtracting it rounds every coordinate.
         let rows: Vec<[f64; 3]> =
             (0..64).map(|i| [f64::from(i % 32) * 0.25, 0.1, f64::from(i / 32) * 1e5]).collect();

@@ -1,6 +1,6 @@
 //! An arctangent without branches or table lookups, which the compiler vectorizes.
 
-#![expect(clippy::inline_always, reason = "must take on the vector features of the loop it stands in")]
+#![expect(clippy::inline_always, reason = "must inherit the vector features of the surrounding loop")]
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
@@ -63,7 +63,7 @@ mod tests {
     }
 
     #[test]
-    fn axes_and_diagonals() {
+    fn angles_of_axes_and_diagonals() {
         for x in [-2.0, 0.0, 2.0] {
             for y in [-2.0, 0.0, 2.0] {
                 assert!((atan2(y, x) - f64::atan2(y, x)).abs() < 1e-15, "{y} {x}");

@@ -523,7 +523,7 @@ mod tests {
     }
 
     #[test]
-    fn any_number_of_points() -> Result<()> {
+    fn agrees_for_any_number_of_points() -> Result<()> {
         for n in [0, 1, 2, 15, 16, 17, 33, 255, 256, 257, 513, 700] {
             check(&scattered(n), &[0, 1, 5, 30, 255, 256, 900])?;
         }
@@ -552,14 +552,14 @@ mod tests {
     }
 
     #[test]
-    fn distances_whose_squares_vanish() -> Result<()> {
+    fn distances_with_underflowing_squares() -> Result<()> {
         let tiny = (1..150).flat_map(|i| [1e-170 * f64::from(i), -1e-170 * f64::from(i)]);
         let rows: Vec<[f64; 3]> = [1.0, -1.0].into_iter().chain(tiny).map(|x| [x, 0.0, 0.0]).collect();
         check(&rows, &[1, 30, 250])
     }
 
     #[test]
-    fn an_interrupted_search_says_so() -> Result<()> {
+    fn an_interrupted_search_is_an_error() -> Result<()> {
         let sets = NearestSets::new(&Points::from_rows("points", &scattered(50))?, &Execution::default())?;
         let execution = Execution::default();
         execution.interrupt();

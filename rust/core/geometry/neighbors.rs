@@ -311,7 +311,7 @@ mod tests {
     }
 
     #[test]
-    fn coincident_points_come_in_the_order_of_their_index() -> Result<()> {
+    fn coincident_points_are_ordered_by_index() -> Result<()> {
         check(&[[1.0, 2.0, 3.0]; 300], &[1, 5, 299])?;
         let points = Points::from_rows("points", &vec![[1.0, 2.0, 3.0]; 20_000])?;
         let lowest = |_, found: &[Neighbor]| found.len() == 3 && found[2].index <= 3;
@@ -325,7 +325,7 @@ mod tests {
     }
 
     #[test]
-    fn some_points_have_the_neighbours_they_have_among_all() -> Result<()> {
+    fn selected_points_have_the_same_neighbours_as_among_all() -> Result<()> {
         let (points, execution) = (Points::from_rows("points", &scattered(300))?, Execution::default());
         let neighbors = NearestNeighbors::new(&points, &execution)?;
         let rows = [7, 299, 7, 0];

@@ -82,7 +82,7 @@ mod tests {
     }
 
     #[test]
-    fn they_turn_with_the_points() -> Result<()> {
+    fn axes_rotate_with_the_points() -> Result<()> {
         let rows = tailed();
         let still = own_axes(&Points::from_rows("points", &rows)?);
         assert!((still * still.transpose() - Matrix3::identity()).amax() < 1e-12);
@@ -99,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn any_cloud_has_some() -> Result<()> {
+    fn any_cloud_has_axes() -> Result<()> {
         let line: Vec<[f64; 3]> = (0..9).map(|i| [f64::from(i), 0.0, 0.0]).collect();
         let cube: Vec<[f64; 3]> = (0..8).map(|i| [i % 2, i / 2 % 2, i / 4].map(f64::from)).collect();
         let far: Vec<[f64; 3]> = tailed().iter().map(|row| row.map(|x| 1e140 * x)).collect();

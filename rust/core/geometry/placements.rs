@@ -247,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn an_outline_lies_best_on_itself() {
+    fn an_outline_is_placed_best_on_itself() {
         let all = |turn| Window { turn, rows: 0..20, columns: 0..90 };
         let found = place(&[all(1), all(0)], 3).unwrap_or_default();
         assert_eq!(found.len(), 3);

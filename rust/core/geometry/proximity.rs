@@ -112,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn is_what_all_pairs_say() -> Result<()> {
+    fn agrees_with_all_pairs() -> Result<()> {
         for (scale, offset) in [(1.0, 0.0), (0.1, 1e6), (1e-3, -1e9), (1e40, 0.0)] {
             let (points, others) = (rows(300, 1, scale, offset), rows(40, 2, scale, offset));
             // Lattice distances: many pairs have a distance of exactly the radius, up to rounding.
@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn a_radius_has_to_be_positive() {
+    fn radius_must_be_positive() {
         assert!(any_within(&[], &[], 0.0, &Execution::default()).is_err());
         assert!(nearest_offsets(&[], &[], 0.0, &Execution::default()).is_err());
     }

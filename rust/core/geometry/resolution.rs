@@ -59,7 +59,7 @@ mod tests {
     }
 
     #[test]
-    fn duplicates_count_as_zero_or_not_at_all() -> Result<()> {
+    fn duplicates_count_as_zero_or_are_ignored() -> Result<()> {
         let rows = [[0.0; 3], [0.0; 3], [2.0, 0.0, 0.0]];
         let points = Points::from_rows("points", &rows)?;
         assert!((resolution(&points, false)? - 2.0 / 3.0).abs() < 1e-15);

@@ -147,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn not_a_number_stays_so() {
+    fn nan_stays_nan() {
         assert!(
             eigen(&Matrix3::repeat(f64::NAN)).values[0].is_nan()
                 || eigen(&Matrix3::repeat(f64::INFINITY)).values[0].is_nan()

@@ -260,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn the_own_vote_can_be_left_out() -> Result<()> {
+    fn the_own_vote_can_be_excluded() -> Result<()> {
         let method = ConsistencyVoting { voters: 1, exclude_self: true, ..ConsistencyVoting::default() };
         let scores = method.group(&problem()?, &Execution::default())?.scores.unwrap_or_default();
         assert!(scores[0].abs() < 1e-15);

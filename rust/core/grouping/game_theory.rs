@@ -277,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn survivors_are_the_rigid_ones() -> Result<()> {
+    fn rigidly_moved_points_survive() -> Result<()> {
         let expected = [true, true, true, true, false, false];
         for dynamics in [Dynamics::Replicator, Dynamics::InfectionImmunisation] {
             let method = GameTheory { dynamics, ..GameTheory::default() };
@@ -319,7 +319,7 @@ mod tests {
     }
 
     #[test]
-    fn leaving_out_the_extinct_changes_no_share_by_more_than_rounding() -> Result<()> {
+    fn removing_extinct_strategies_changes_shares_by_rounding_only() -> Result<()> {
         let place = |i: usize| {
             let t = i as f64;
             [(t * 1.3).sin() * 5.0, (t * 0.7).cos() * 4.0, (t * 2.1).sin() * 3.0]

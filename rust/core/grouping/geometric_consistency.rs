@@ -254,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn clique_leaves_out_what_agrees_with_the_seed_alone() -> Result<()> {
+    fn clique_excludes_points_that_agree_with_the_seed_alone() -> Result<()> {
         let method = GeometricConsistency { variant: Variant::Clique, ..GeometricConsistency::default() };
         let group = method.group(&problem()?, &Execution::default())?;
         assert_eq!(group.mask, [true, true, true, true, true, false, false]);

@@ -267,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn accepts_the_rigid_ones() -> Result<()> {
+    fn accepts_rigidly_moved_points() -> Result<()> {
         for (eigensolver, recompute) in
             [(Eigensolver::Power, false), (Eigensolver::Dense, false), (Eigensolver::Power, true)]
         {

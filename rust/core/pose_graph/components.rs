@@ -56,7 +56,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn nodes_are_parted() -> Result<()> {
+    fn components_are_separated() -> Result<()> {
         let edges = [(5, 2), (2, 0), (3, 3), (4, 1), (0, 5)];
         assert_eq!(components(6, edges.into_iter())?, [vec![0, 2, 5], vec![1, 4], vec![3]]);
         assert_eq!(components(0, std::iter::empty())?, Vec::<Vec<usize>>::new());

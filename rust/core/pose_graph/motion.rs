@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn rotations_stay_rotations() {
+    fn exponentials_are_orthonormal() {
         for twist in twists() {
             let rotation = exponential(&twist).rotation;
             assert!((rotation * rotation.transpose() - Matrix3::identity()).amax() < 1e-15);
@@ -179,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn the_jacobian_is_that_of_differences() {
+    fn the_jacobian_agrees_with_differences() {
         for twist in twists().into_iter().filter(|twist| twist.fixed_rows::<3>(0).norm() < 3.0) {
             let jacobian = inverse_right_jacobian(&twist);
             for k in 0..6 {

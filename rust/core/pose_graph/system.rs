@@ -315,7 +315,7 @@ mod tests {
     }
 
     #[test]
-    fn says_where_a_matrix_is_not_definite() -> Result<()> {
+    fn reports_an_indefinite_matrix() -> Result<()> {
         let mut system = System::new(2, 1, std::iter::once((0, 1)), 1)?;
         assert!(!system.factorize());
         system.set_diagonal([1.0, 1.0].into_iter());

@@ -209,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn vectors_found_by_rounded_entries_satisfy_the_equation_of_exact_ones() -> Result<()> {
+    fn vectors_from_rounded_entries_satisfy_the_exact_equation() -> Result<()> {
         let row = |i: usize, k: f64| {
             let t = i as f64;
             [(t * k).sin() * 5.0, (t * 0.7).cos() * 4.0, (t * 2.1).sin() * 3.0]

@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn of_a_multiple_eigenvalue_the_vector_nearest_to_equal_entries() -> Result<()> {
+    fn multiple_eigenvalues_give_the_vector_nearest_to_equal_entries() -> Result<()> {
         // Three fully connected blocks of four: each has the eigenvalue 3.
         let blocks = dense(12, |i, j| f64::from(u8::from(i / 4 == j / 4 && i != j)));
         let (value, vector) = eigenpair(&blocks)?;
@@ -169,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn eigenvalues_that_are_near_each_other_are_told_apart() -> Result<()> {
+    fn close_eigenvalues_are_separated() -> Result<()> {
         // Two blocks, the second heavier by 1e-8.
         let matrix = dense(60, |i, j| match (i < 30, j < 30) {
             (true, true) => 1.0,
@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn a_diagonal_matrix_takes_a_vector_for_each_entry_and_ends() -> Result<()> {
+    fn a_diagonal_matrix_needs_a_vector_per_entry() -> Result<()> {
         let (value, vector) = eigenpair(&dense(100, |i, j| if i == j { (i + 1) as f64 } else { 0.0 }))?;
         assert!((value - 100.0).abs() < 1e-12);
         assert!((vector[99] - 1.0).abs() < 1e-12 && vector[..99].iter().all(|entry| *entry < 1e-9));

@@ -255,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn scores_without_a_value_are_left_out() -> Result<()> {
+    fn missing_scores_are_ignored() -> Result<()> {
         let cut = cut_by(&[f64::NEG_INFINITY, 0.1, 0.9], OtsuMode::MinMax)?;
         assert_eq!(cut.mask, [false, false, true]);
         assert!((cut.threshold.unwrap_or_default() - 0.5).abs() < 1e-15);
@@ -263,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn neighbouring_numbers_split() -> Result<()> {
+    fn adjacent_floats_are_split() -> Result<()> {
         let low = 1e-300;
         let cut = cut_by(&[low, 3.0 * low], OtsuMode::MinMax)?;
         assert_eq!(cut.mask, [false, true]);

@@ -96,7 +96,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_path_s_eigenpair() -> Result<()> {
+    fn the_eigenpair_of_a_path() -> Result<()> {
         for n in [1, 2, 3, 50, 400] {
             let path = Tridiagonal { diagonal: vec![1.0; n], beside: vec![1.0; n - 1] };
             let angle = std::f64::consts::PI / (n + 1) as f64;
@@ -111,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn a_zero_beside_the_diagonal_parts_it() -> Result<()> {
+    fn a_zero_off_the_diagonal_splits_the_matrix() -> Result<()> {
         let parted = Tridiagonal { diagonal: vec![1.0, 3.0, 2.0], beside: vec![0.0, 0.0] };
         let value = parted.greatest_eigenvalue();
         assert!((value - 3.0).abs() < 1e-14);

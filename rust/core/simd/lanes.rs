@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_compares_with_nan_and_the_lesser_of_it_is_the_other() {
+    fn nan_is_not_at_most_anything_and_min_returns_the_other() {
         let mut a = [1.0; SINGLES];
         a[3] = f32::NAN;
         for (groups, _, bits, counts) in run_on_each(EachSingle(a, [2.0; SINGLES], [0; SINGLES])) {

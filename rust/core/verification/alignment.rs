@@ -314,7 +314,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cloud_on_itself_stays() -> Result<()> {
+    fn a_cloud_on_itself_is_not_moved() -> Result<()> {
         let surface = surface(&waves())?;
         let still = motion(Vector3::zeros(), Vector3::zeros());
         let found = align(&surface, &surface, &still, usize::MAX, &Execution::default())?;

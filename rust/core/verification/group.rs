@@ -84,7 +84,7 @@ mod tests {
     use nalgebra::Rotation3;
 
     #[test]
-    fn groups_move_as_their_elements_do() {
+    fn moved_groups_equal_moved_elements() {
         let vector = |i: usize, k: f32| Vector3::new(1.1, 2.3, 3.7).map(|f| (i as f32 * f * k + k).sin());
         let element = |i| Element { point: vector(i, 1.0) * 30.0, normal: vector(i, 0.7).normalize() };
         let elements: Vec<Element> = (0..11).map(element).collect();

@@ -374,7 +374,7 @@ mod tests {
     }
 
     #[test]
-    fn stray_points_are_refused_and_places_outside_are_empty() -> Result<()> {
+    fn distant_points_are_refused_and_places_outside_are_empty() -> Result<()> {
         let mut points = scattered(30);
         let grid = NearestGrid::new(&points, (1.0, 4.0), &Execution::default())?;
         for far in [1e3, -1e3, f32::INFINITY, f32::NAN] {

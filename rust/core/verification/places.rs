@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn places_depend_on_what_was_seen() -> Result<()> {
+    fn places_depend_on_the_observed_surface() -> Result<()> {
         let scanned = Side::Viewpoint([10.0, 10.0, 100.0]);
         assert_eq!(place(scanned, [0.0, 0.0, 0.1])?, Place::On);
         assert_eq!(place(scanned, [0.0, 0.0, 2.5])?, Place::Off);

@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wall_hides_what_is_behind_it() -> Result<()> {
+    fn a_wall_occludes_points_behind_it() -> Result<()> {
         let map = RangeMap::new(&wall(), Vector3::zeros(), &Execution::default())?;
         let towards = Vector3::z();
         let in_front = |z: f32| look(&map, Vector3::new(0.5, 0.5, z), towards).0;
@@ -195,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn background_knows_which_way_a_surface_faces() -> Result<()> {
+    fn background_depends_on_the_normal() -> Result<()> {
         let map = RangeMap::new(&wall(), Vector3::zeros(), &Execution::default())?;
         for sign in [1.0, -1.0] {
             let (in_front, facing) = look(&map, Vector3::new(60.0, 0.0, -60.0), Vector3::z() * sign);

@@ -223,7 +223,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn evidence_needs_as_many_points_on_both_sides() -> Result<()> {
+    fn evidence_needs_equal_numbers_of_points() -> Result<()> {
         let side = |count: usize| Points::from_rows("matches", &vec![[0.0; 3]; count]);
         let check = |target| Ok(Evidence { source: side(2)?, target: side(target)?, tolerance: 1.0 }.check());
         assert_eq!(check(2)?, Ok(()));

@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_cut_off_is_refused() {
+    fn truncated_files_are_refused() {
         for (what, content) in files() {
             for end in 0..content.len() {
                 assert!(read(&content[..end]).is_err(), "{what}: {end} of {} bytes", content.len());
@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn no_damage_breaks_it() {
+    fn damaged_files_are_errors_or_clouds() {
         for (what, content) in files() {
             for at in 0..content.len() {
                 let mut damaged = content.to_vec();
@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn what_would_grow_too_much_is_refused() {
+    fn excessive_compression_is_refused() {
         // The total number of points and that of a chunk, as in a file of many equal points.
         let mut content = FILES[2].1[1..].to_vec();
         for at in [107, 227 + 54 + 12] {

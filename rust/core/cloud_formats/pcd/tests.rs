@@ -50,7 +50,7 @@ fn fields_are_found_by_name() -> Result<()> {
 }
 
 #[test]
-fn viewpoints_are_places() -> Result<()> {
+fn viewpoints_are_positions() -> Result<()> {
     for (line, place) in [
         ("VIEWPOINT 1 -2.5 3e2 0 1 0 0", Some([1.0, -2.5, 300.0])),
         ("VIEWPOINT 0 0 0 0 1 0 0", None),
@@ -67,7 +67,7 @@ fn viewpoints_are_places() -> Result<()> {
 }
 
 #[test]
-fn what_is_wrong_is_said() {
+fn errors_name_the_fault() {
     let header = "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 2\nHEIGHT 1\nPOINTS 2\n";
     refused(b"", "no line DATA");
     refused(b"DATA ascii\n", "no number of points");
@@ -89,7 +89,7 @@ fn what_is_wrong_is_said() {
 }
 
 #[test]
-fn compressed_data_are_not_believed() {
+fn compressed_sizes_are_checked() {
     let header = "FIELDS x y z\nWIDTH 350000000\nDATA binary_compressed\n";
     let mut content = header.as_bytes().to_vec();
     content.extend([4, 0, 0, 0, 0xff, 0xff, 0xff, 0xff, 0, 1, 0, 1]);

@@ -13,7 +13,7 @@ fn refused(content: &[u8], says: &str) {
 }
 
 #[test]
-fn text_is_held_in_the_declared_types() -> Result<()> {
+fn text_is_rounded_to_the_declared_types() -> Result<()> {
     let text = format!("ply\r\n{HEADER}end_header\r\n0.1 0.1 7 \r\n\r\n1 2 3\n4 5 6 9\nnan -inf 0");
     let cloud = read(text.as_bytes())?;
     assert_eq!(cloud.points[..2], [[f64::from(0.1_f32), 0.1, 7.0], [1.0, 2.0, 3.0]]);
@@ -23,7 +23,7 @@ fn text_is_held_in_the_declared_types() -> Result<()> {
 }
 
 #[test]
-fn elements_come_in_any_order() -> Result<()> {
+fn elements_are_read_in_any_order() -> Result<()> {
     let header = b"ply\nformat binary_big_endian 1.0\ncomment \xe9\nelement camera 1\nproperty list ushort double t\n\
         element face 2\nproperty uchar flag\nproperty list uchar short vertex_index\nproperty list int float texcoord\n\
         element vertex 5\nproperty char z\nproperty char y\nproperty char skipped\nproperty char x\n\
@@ -56,7 +56,7 @@ fn normals_and_colors_are_found_by_name() -> Result<()> {
 }
 
 #[test]
-fn what_is_wrong_is_said() {
+fn errors_name_the_fault() {
     refused(b"", "line 1");
     refused(b"plyx\n", "a PLY file begins with");
     refused(b"ply\nend_header\n", "format");
@@ -80,7 +80,7 @@ fn what_is_wrong_is_said() {
 }
 
 #[test]
-fn elements_without_properties_take_nothing() {
+fn elements_without_properties_need_no_memory() {
     let rows = "element vertex 1\nproperty char x\nproperty char y\nproperty char z\nend_header\n123";
     for name in ["face", "other"] {
         let text = format!("ply\nformat binary_big_endian 1.0\nelement {name} 4000000000000000000\n{rows}");
@@ -100,7 +100,7 @@ fn it_can_be_interrupted() {
 }
 
 #[test]
-fn splats_that_can_hardly_be_seen_are_at_no_place() -> Result<()> {
+fn transparent_splats_are_nan() -> Result<()> {
     let names = ["x", "y", "z", "nx", "ny", "nz", "f_dc_0", "opacity", "scale_0", "rot_0"];
     let header = |format: &str| {
         let properties = names.map(|name| format!("property float {name}\n")).concat();

@@ -228,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ratio_equal_to_the_least_counts() -> Result<()> {
+    fn a_ratio_equal_to_the_least_is_accepted() -> Result<()> {
         let (source, target) = sides()?;
         let execution = Execution::default();
         for (score, expected) in

@@ -77,7 +77,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn levels_of_points_far_from_each_other_and_of_points_in_one_place() -> Result<()> {
+    fn levels_of_distant_and_of_coincident_points() -> Result<()> {
         let far: Vec<[f64; 3]> = (0..2000).map(|i| [10.0 * f64::from(i), 0.0, 0.0]).collect();
         let far = Points::from_rows("source", &far)?;
         let close = Points::from_rows("target", &vec![[1.0; 3]; 2000])?;

@@ -343,7 +343,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_add_what_their_angle_says_and_weights_divide() -> Result<()> {
+    fn frames_add_evidence_by_angle_and_weights_scale_it() -> Result<()> {
         let source = points(30)?;
         let term = FrameTerm { gain: 3.0, loss: -0.7, deviation: 0.2 };
         let turn =
@@ -367,7 +367,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_that_agree_draw_the_fit_to_what_they_propose() -> Result<()> {
+    fn agreeing_frames_attract_the_fitted_rotation() -> Result<()> {
         let source = points(40)?;
         let turned = |angle: f64| Rotation3::new(Vector3::z() * angle);
         let moved: Vec<[f64; 3]> = (0..40).map(|i| (turned(0.02) * source.get(i)).into()).collect();
@@ -387,7 +387,7 @@ mod tests {
     }
 
     #[test]
-    fn refinement_fits_the_near_ones_and_leaves_a_pose_that_nothing_fixes() -> Result<()> {
+    fn refinement_fits_near_matches_and_keeps_an_undetermined_pose() -> Result<()> {
         let source = points(40)?;
         let rows = source.rows().enumerate();
         let moved: Vec<[f64; 3]> =

@@ -1,6 +1,6 @@
 //! Candidates for the nearest neighbours of one source descriptor.
 
-#![expect(clippy::inline_always, reason = "must take on the vector features of the loop it stands in")]
+#![expect(clippy::inline_always, reason = "must inherit the vector features of the surrounding loop")]
 
 use crate::error::Result;
 use crate::memory;

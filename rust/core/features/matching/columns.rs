@@ -1,6 +1,6 @@
 //! The nearest source row of every target, within single precision.
 
-#![expect(clippy::inline_always, reason = "must take on the vector features of the loop it stands in")]
+#![expect(clippy::inline_always, reason = "must inherit the vector features of the surrounding loop")]
 
 use crate::error::Result;
 use crate::memory;

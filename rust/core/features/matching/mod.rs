@@ -220,13 +220,13 @@ mod tests {
     }
 
     #[test]
-    fn near_ties_beyond_single_precision_are_told_apart() -> Result<()> {
+    fn near_ties_beyond_single_precision_are_resolved() -> Result<()> {
         let target: Vec<f64> = (0..2000).flat_map(|i| [1.0 + f64::from(2000 - i) * 1e-12, 1.0]).collect();
         check(&[1.0, 1.0], &target, 2)
     }
 
     #[test]
-    fn squares_that_would_vanish_or_overflow_do_not() -> Result<()> {
+    fn squares_neither_underflow_nor_overflow() -> Result<()> {
         let (source, target) = (waves(40, 5, 0.1), waves(90, 5, 0.3));
         let run = |exponent: i32| {
             let scaled =
@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn what_can_not_be_told_apart_is_refused() -> Result<()> {
+    fn indistinguishable_descriptors_are_refused() -> Result<()> {
         let t = Descriptors::new("t", &[1.0, 1e-170, 3e-170], 1)?;
         let s = Descriptors::new("s", &[2e-170], 1)?;
         assert!(Matching::default().run(&s, &t, &Execution::default()).is_err());
@@ -269,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn incomplete_rows_are_left_out() -> Result<()> {
+    fn incomplete_rows_are_skipped() -> Result<()> {
         let s = Descriptors::new("s", &[f64::NAN, 0.0, 1.0, 0.0], 2)?;
         let t = Descriptors::new("t", &[9.0, 9.0, f64::NAN, 0.0, 2.0, 0.0], 2)?;
         let matches = Matching::default().run(&s, &t, &Execution::default())?;
@@ -280,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn options_thin_out() -> Result<()> {
+    fn options_reduce_the_matches() -> Result<()> {
         let s = Descriptors::new("s", &[0.0, 0.9, 5.0], 1)?;
         let t = Descriptors::new("t", &[1.0, 3.0], 1)?;
         let base = Matching::default();

@@ -86,7 +86,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_least_of_the_most_frequent_counts() -> Result<()> {
+    fn the_least_of_the_most_frequent_wins() -> Result<()> {
         for numbers in [vec![], vec![3], vec![5, 2, 2, 5, 9], vec![9, 0, 9, 7, 7, 0, 0], vec![4, 4, 4]] {
             let counted = most_frequent_below(10, numbers.iter().copied())?;
             assert_eq!(most_frequent(numbers), counted);

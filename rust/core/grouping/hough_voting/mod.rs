@@ -290,7 +290,7 @@ mod tests {
     }
 
     #[test]
-    fn fine_grids_select_what_coarse_ones_do() -> Result<()> {
+    fn fine_grids_select_the_same_as_coarse_ones() -> Result<()> {
         // Ten votes in each of two far corners, spaced by 0.4 bins of a fine grid.
         let shift = |i: usize| if i < 10 { [4e-7 * i as f64 / 10.0; 3] } else { [1.0; 3] };
         let shifts: Vec<_> = (0..20).map(shift).collect();

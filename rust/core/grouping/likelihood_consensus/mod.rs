@@ -261,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn more_than_the_graph_takes_are_thinned_and_said_to_be() -> Result<()> {
+    fn too_many_matches_for_the_graph_are_reduced_and_reported() -> Result<()> {
         let group = LikelihoodConsensus::default().group(&problem(3_000, 100)?, &Execution::default())?;
         assert!(group.mask[..100].iter().all(|&selected| selected));
         assert_eq!(group.diagnostics.get("vertices"), Some(&2_500.0));
@@ -269,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn many_right_ones_are_no_false_alarm_and_none_are() -> Result<()> {
+    fn many_inliers_are_significant_and_none_are_not() -> Result<()> {
         let lc = LikelihoodConsensus { instances: 3, ..LikelihoodConsensus::default() };
         let sure = lc.group(&problem(400, 30)?, &Execution::default())?;
         assert!(sure.ok == Some(true) && sure.false_alarms < Some(1e-6));
@@ -282,7 +282,7 @@ mod tests {
     }
 
     #[test]
-    fn no_unit_or_a_wrong_one_finds_the_same_and_its_noise() -> Result<()> {
+    fn no_resolution_or_a_wrong_one_finds_the_same_group_and_noise() -> Result<()> {
         let given = problem(400, 40)?;
         for scale in [0.25, 1.0, 4.0] {
             let other = given.clone().with_resolution(scale)?;
@@ -299,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn mirrored_points_are_no_motion() -> Result<()> {
+    fn mirrored_points_give_no_motion() -> Result<()> {
         let rows: Vec<[f64; 3]> =
             (0..300).map(|i| [1.1, 2.3, 3.7].map(|f| 40.0 * (f64::from(i) * f).sin())).collect();
         let flat: Vec<[f64; 3]> = rows.iter().map(|&[x, y, z]| [x, y, 0.1 * z]).collect();
@@ -311,7 +311,7 @@ mod tests {
     }
 
     #[test]
-    fn needs_no_length_but_a_mode() -> Result<()> {
+    fn needs_no_length_but_one_mode() -> Result<()> {
         let without = Correspondences::new(&[[0.0; 3]; 4], &[[0.0; 3]; 4])?;
         assert_eq!(LikelihoodConsensus::default().group(&without, &Execution::default())?.size(), 0);
         let none = LikelihoodConsensus { modes: 0, ..LikelihoodConsensus::default() };

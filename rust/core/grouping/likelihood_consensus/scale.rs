@@ -310,7 +310,7 @@ mod tests {
     }
 
     #[test]
-    fn chance_is_not_sure_and_nothing_gives_no_group() -> Result<()> {
+    fn chance_is_not_significant_and_no_matches_give_no_group() -> Result<()> {
         assert_eq!(group(&scaled(300, 0, 2.0)?, UNKNOWN)?.ok, Some(false));
         for n in 0..3 {
             assert_eq!(group(&scaled(n, n, 2.0)?, UNKNOWN)?.model, None);

@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn little_memory_leaves_the_highest_degrees_and_says_so() -> Result<()> {
+    fn little_memory_keeps_the_highest_degrees_and_is_reported() -> Result<()> {
         let group = MaximalCliques::default().group(&problem(400, 30)?, &Execution::new(8_000))?;
         assert!(group.diagnostics["vertices"] < 40.0 && group.diagnostics["truncated"] > 0.0);
         assert!(group.mask[..30].iter().all(|&selected| selected) && group.size() < 35);
@@ -157,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn many_that_agree_are_more_than_there_is_time_for() -> Result<()> {
+    fn many_agreeing_matches_are_limited_by_time() -> Result<()> {
         let group = MaximalCliques::default().group(&problem(1_500, 1_500)?, &Execution::default())?;
         assert!(group.diagnostics["vertices"] < 1_100.0 && group.diagnostics["truncated"] > 0.0);
         assert_eq!(group.size(), 1_500);

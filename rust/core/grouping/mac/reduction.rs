@@ -106,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn a_dense_graph_keeps_those_that_move_together() -> Result<()> {
+    fn a_dense_graph_keeps_vertices_of_one_motion() -> Result<()> {
         let kept = dense_part(&graph(1000, 100)?, &Execution::default())?;
         assert!((LEAST_VERTICES..=100).contains(&kept.len()), "{}", kept.len());
         assert!(kept.iter().all(|&i| i < 100));
@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sparse_and_a_small_graph_stay_whole() -> Result<()> {
+    fn sparse_and_small_graphs_are_not_reduced() -> Result<()> {
         assert_eq!(dense_part(&graph(1000, 5)?, &Execution::default())?.len(), 1000);
         assert_eq!(dense_part(&graph(50, 50)?, &Execution::default())?.len(), 50);
         Ok(())

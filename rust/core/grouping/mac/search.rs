@@ -199,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn a_search_that_is_cut_short_says_so() -> Result<()> {
+    fn a_search_cut_short_is_reported() -> Result<()> {
         let graph = graph(300)?;
         let all = search(&graph, usize::MAX, &Execution::default())?;
         let few = search(&graph, all.cliques / 4, &Execution::default())?;

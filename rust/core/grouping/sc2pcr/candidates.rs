@@ -104,7 +104,7 @@ mod tests {
     use crate::geometry::rigid::fit_rigid;
 
     #[test]
-    fn partners_are_the_first_that_are_not_far() -> Result<()> {
+    fn matches_are_the_first_candidates_that_are_not_far() -> Result<()> {
         let rows = |y: [f64; 4]| y.map(|y| [y, y * y, 0.0]).to_vec();
         let source = Points::from_rows("source", &rows([0.0, 3.0, 5.0, 9.0]))?;
         let points: Vec<[f64; 3]> = rows([0.0, 3.0, 5.0, 9.0])

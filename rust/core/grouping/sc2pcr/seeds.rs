@@ -68,7 +68,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn agreeing_correspondences_are_relied_on() -> Result<()> {
+    fn agreeing_correspondences_are_the_most_confident() -> Result<()> {
         let place = |i: usize, k: f64| [1.1, 2.3, 3.7].map(|f| 10.0 * (i as f64 * f * k + k).sin());
         let source: Vec<[f64; 3]> = (0..60).map(|i| place(i, 1.0)).collect();
         let target: Vec<[f64; 3]> =

@@ -123,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn outliers_don_t_turn_it() -> Result<()> {
+    fn outliers_do_not_change_the_rotation() -> Result<()> {
         for freedom in [Freedom::Six, Freedom::Four] {
             let axis = if freedom == Freedom::Four { Vector3::z() } else { Vector3::new(1.0, 2.0, -1.0) };
             let turn = Rotation3::from_axis_angle(&Unit::new_normalize(axis), 2.0).into_inner();
@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn plain_least_squares_where_all_hold_and_nothing_where_none_does() -> Result<()> {
+    fn least_squares_of_all_inliers_and_none_without_inliers() -> Result<()> {
         let p: Vec<_> = (0..20).map(|i| vector(i, 1.0)).collect();
         let found = truncated_rotation(&p, &p, 0.1, Freedom::Six)?.unwrap_or_default();
         assert!((found - Matrix3::identity()).amax() < 1e-12);
@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn measurements_along_a_line_fix_no_rotation_but_about_z() -> Result<()> {
+    fn collinear_measurements_determine_only_a_rotation_about_z() -> Result<()> {
         let p: Vec<_> = (1..9).map(|i| Vector3::new(1.0, 2.0, 3.0) * f64::from(i)).collect();
         assert_eq!(truncated_rotation(&p, &p, 0.1, Freedom::Six)?, None);
         assert_eq!(truncated_rotation(&p, &p, 0.1, Freedom::Four)?, Some(Matrix3::identity()));

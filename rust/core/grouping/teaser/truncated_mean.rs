@@ -112,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn of_equal_sets_the_lowest_is_taken() -> Result<()> {
+    fn the_lowest_of_equal_minima_is_returned() -> Result<()> {
         assert_eq!(truncated_mean(&[5.0, -3.0, 9.0], &[1.0; 3])?, Some(-3.0));
         assert_eq!(truncated_mean(&[5.0, -3.0, 5.5], &[1.0; 3])?, Some(5.25));
         assert_eq!(truncated_mean(&[], &[])?, None);
