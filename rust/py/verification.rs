@@ -117,7 +117,7 @@ pub fn verify<'py>(
         let found = core::verify(&source, &target, &poses, evidence.as_ref(), execution)?;
         let Some(best) = found.first() else {
             let remedy = "give at least one pose whose numbers are finite";
-            return Err(Error::invalid("poses", format!("{} that can be judged", found.len()), remedy));
+            return Err(Error::invalid("poses", format!("{} valid ones", found.len()), remedy));
         };
         let shared = overlap(&source, &target, &best.pose, execution)?;
         let lead = margin(&source, &target, &found);

@@ -253,7 +253,7 @@ pub(super) fn check_room(what: &str, count: usize, least: usize, bytes: usize) -
         return Ok(());
     }
     let got = format!("{count} of at least {least} bytes each, in {bytes} bytes");
-    Err(Error::invalid(what, got, "the file is cut off, or says the wrong number"))
+    Err(Error::invalid(what, got, "the file is cut off, or its count is wrong"))
 }
 
 #[cfg(test)]

@@ -18,7 +18,7 @@ const CHECK_EVERY: usize = 1 << 14;
 pub(super) fn decompress(packed: &[u8], size: usize, execution: &Execution) -> Result<Vec<u8>> {
     if size.div_ceil(LONGEST) > packed.len() {
         let got = format!("{} bytes that are to become {size}", packed.len());
-        return Err(Error::invalid("compressed data", got, "so few can't hold so many"));
+        return Err(Error::invalid("compressed data", got, "the size is too large for the data"));
     }
     let mut plain = memory::with_capacity(size)?;
     let mut rest = packed;
@@ -65,7 +65,7 @@ fn step<'a>(packed: &'a [u8], plain: &mut Vec<u8>, size: usize) -> Option<&'a [u
 }
 
 fn broken() -> Error {
-    Error::invalid("compressed data", "a sequence that can't be", "the file is damaged")
+    Error::invalid("compressed data", "an invalid sequence", "the file is damaged")
 }
 
 #[cfg(test)]

@@ -53,8 +53,7 @@ pub fn parse(content: &[u8], execution: &Execution) -> Result<CloudContent> {
 }
 
 fn next_line<'a>(lines: &mut Lines<'a>) -> Result<Line<'a>> {
-    let end =
-        || Error::invalid("rows", "the end of the file", "the counts at its start say that there are more");
+    let end = || Error::invalid("rows", "the end of the file", "the counts at its start declare more");
     lines.next_with_words(COMMENT)?.ok_or_else(end)
 }
 

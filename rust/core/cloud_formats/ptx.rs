@@ -89,7 +89,7 @@ fn read_scan(first: Line, lines: &mut Lines, cloud: &mut CloudContent) -> Result
 fn next<'a>(lines: &mut Lines<'a>) -> Result<Line<'a>> {
     let line = lines.next_row(COMMENTS)?;
     line.ok_or_else(|| {
-        Error::invalid("rows", "the end of the file", "the file is cut off, or says the wrong number")
+        Error::invalid("rows", "the end of the file", "the file is cut off, or its count is wrong")
     })
 }
 
@@ -147,7 +147,7 @@ mod tests {
         for (content, says) in [
             (format!("2\n1\n{HEAD}1 2 3 4\n"), "points: got 2 of at least 8 bytes"),
             (format!("2\n1\n{HEAD}1 2 3 4.000000000\n"), "the end of the file"),
-            (format!("18446744073709551615\n9\n{HEAD}1 2 3 4\n"), "the file is cut off, or says"),
+            (format!("18446744073709551615\n9\n{HEAD}1 2 3 4\n"), "the file is cut off, or its count"),
             (format!("1\n1\n{HEAD}1 2 3 4\n5 6 7 8\n"), "line 12: got"),
             (format!("1\n1\n{HEAD}1 2 3 4 5\n"), "line 11: got 5 columns"),
             (format!("1\n2\n{HEAD}1 2 3 4\n1 2 3 4 5 6 7"), "line 12: got 7 columns; the first row has 4"),

@@ -126,7 +126,7 @@ impl NearestGrid {
         let fits = blocks.product() <= MOST_BLOCKS_IN_BOX && blocks.amax() <= MOST_BLOCKS_ALONG;
         if !fits {
             let spans = (high - low).amax();
-            let remedy = "give a larger unit (0.4 of a voxel), or remove stray points";
+            let remedy = "give a larger unit (0.4 of a voxel), or remove distant outliers";
             return Err(Error::invalid("unit", format!("points that span {spans:.0} units"), remedy));
         }
         Ok(Self {
@@ -150,7 +150,7 @@ impl NearestGrid {
                 execution.check()?;
             }
             if count as usize > MOST_BLOCKS {
-                let remedy = "thin the points first (features.voxel_downsample), or give a larger unit";
+                let remedy = "downsample the points first (features.voxel_downsample), or give a larger unit";
                 let got = format!("{} points over a wide surface", points.len());
                 return Err(Error::invalid("points", got, remedy));
             }

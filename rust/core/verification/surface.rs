@@ -86,7 +86,7 @@ impl Surface {
         let drawn = sampling::draw(&normals, oriented, MOST_SAMPLES)?;
         if drawn.len() < LEAST_POINTS {
             let remedy = format!("give at least {LEAST_POINTS} points that have one");
-            return Err(Error::invalid("normals", format!("{} that are numbers", drawn.len()), remedy));
+            return Err(Error::invalid("normals", format!("{} finite ones", drawn.len()), remedy));
         }
         execution.check()?;
         let places = memory::collect(elements.iter().map(|element| element.point))?;

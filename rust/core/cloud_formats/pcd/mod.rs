@@ -98,7 +98,7 @@ fn read_text(header: &Header, wanted: &Wanted, mut lines: Lines) -> Result<Point
     let mut points = wanted.points(header.points)?;
     while let Some(mut line) = lines.next_with_words(&[b"#"])? {
         if points.len() == header.points {
-            return Err(line.refuse("a further point", format!("the header says {}", header.points)));
+            return Err(line.refuse("a further point", format!("the header declares {}", header.points)));
         }
         let mut row: Row = [0.0; 9];
         let mut fields = wanted.fields.iter().peekable();
@@ -123,7 +123,7 @@ fn read_text(header: &Header, wanted: &Wanted, mut lines: Lines) -> Result<Point
     }
     if points.len() < header.points {
         let got = format!("{} of {} points", points.len(), header.points);
-        return Err(Error::invalid("rows", got, "the file is cut off, or its header says the wrong number"));
+        return Err(Error::invalid("rows", got, "the file is cut off, or its header has the wrong number"));
     }
     Ok(points)
 }

@@ -93,5 +93,5 @@ fn compressed_sizes_are_checked() {
     let header = "FIELDS x y z\nWIDTH 350000000\nDATA binary_compressed\n";
     let mut content = header.as_bytes().to_vec();
     content.extend([4, 0, 0, 0, 0xff, 0xff, 0xff, 0xff, 0, 1, 0, 1]);
-    refused(&content, "so few can't hold so many");
+    refused(&content, "the size is too large for the data");
 }

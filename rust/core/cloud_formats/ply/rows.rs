@@ -183,5 +183,5 @@ impl RowSource for BinaryRows<'_> {
 }
 
 fn end_of_file() -> Error {
-    Error::invalid("rows", "the end of the file", "the header says that there are more")
+    Error::invalid("rows", "the end of the file", "the header declares more")
 }

@@ -81,10 +81,9 @@ method! {
         /// intersection over union below 0.3. Row 0 is the mask; there are no rows if the best is not
         /// `Grouping.ok`.
         pub instances: usize = 1;
-        /// Whether the two sides are in different units: the scale is the length in the target of the source's unit,
-        /// between the two bounds if they are given. True allows any unit: scales are tried at which both sides are of
-        /// about the same size, to a factor of 3; bounds only narrow that. All lengths (`resolution`, `tolerance`,
-        /// `Grouping.noise`) are in the target's unit.
+        /// Estimate the scale: the length of the source's unit in the target's unit. True tries scales at
+        /// which both sides have about the same size, to a factor of 3; two bounds only narrow that. All
+        /// lengths (`resolution`, `tolerance`, `Grouping.noise`) are in the target's unit.
         pub scale: Scale = Scale::default();
     }
 }

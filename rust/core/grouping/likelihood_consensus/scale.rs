@@ -91,7 +91,7 @@ impl Range {
         let (low, high) = (bounds.0.max(ratio / WITHIN), bounds.1.min(ratio * WITHIN));
         if low > high {
             let got = format!("({}, {})", bounds.0, bounds.1);
-            let near = format!("the sizes of both sides speak for {ratio:.3}, within a factor of {WITHIN}");
+            let near = format!("the sizes of both sides suggest {ratio:.3}, to a factor of {WITHIN}");
             return Err(Error::invalid("scale", got, format!("{near}: give bounds around that")));
         }
         Ok(Some(Self { low, high, size }))

@@ -104,7 +104,7 @@ fn parted(start: usize, content: &[u8]) -> Result<(&[u8], &[u8])> {
         (table >= data && table.checked_add(8)? <= content.len()).then_some((data, table))
     };
     let (data, table) = place(start).or_else(|| place(content.len().checked_sub(8)?)).ok_or_else(|| {
-        let got = "none where the file says";
+        let got = "none at its declared place";
         Error::invalid("chunk table", got, "the file is cut off, or wasn't written to its end")
     })?;
     Ok((&content[data..table], &content[table..]))
