@@ -82,7 +82,8 @@ impl Correspondences {
     /// Adds local reference frames of both sides.
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] for a wrong length, or a frame that is not a rotation to 1e-3; [`Error::OutOfMemory`].
+    /// [`Error::InvalidInput`] for a wrong length, or a frame that is not a rotation to 1e-3;
+    /// [`Error::OutOfMemory`].
     pub fn with_frames(mut self, source: impl IntoFrames, target: impl IntoFrames) -> Result<Self> {
         let frames = (source.into_frames()?, target.into_frames()?);
         for (name, side) in [("source_lrf", &frames.0), ("target_lrf", &frames.1)] {

@@ -48,8 +48,8 @@
 //!
 //! # The paper
 //!
-//! J. Yang, K. Xian, P. Wang, Y. Zhang, *A Performance Evaluation of Correspondence Grouping Methods for 3D Rigid Data
-//! Matching* (TPAMI 2019): its nine methods and its front end, by section and equation.
+//! J. Yang, K. Xian, P. Wang, Y. Zhang, *A Performance Evaluation of Correspondence Grouping Methods for 3D
+//! Rigid Data Matching* (TPAMI 2019): its nine methods and its front end, by section and equation.
 //!
 //! | the paper | section | equation | here |
 //! |---|---|---|---|

@@ -24,7 +24,8 @@ proptest! {
     fn rigid_motion_of_either_side(seed in 0_u64..10_000, n in 3_usize..120, share in 0.1..0.9) {
         let still = problem(seed, n, share, 0.5);
         for (name, method) in methods() {
-            // The Hough grid is aligned with the target's axes, and TEASER++ votes for a translation along each of them.
+            // The Hough grid is aligned with the target's axes, and TEASER++ votes for a translation along
+            // each of them.
             let target = if ["3dhv", "teaser"].contains(&name) { Motion::translation(seed + 1) } else { Motion::random(seed + 1) };
             let moved = still.moved(&Motion::random(seed + 2), &target);
             let expected = method.group(&still.correspondences().map_err(fails)?, &Execution::default());

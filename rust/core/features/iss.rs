@@ -67,7 +67,8 @@ impl Iss {
     /// Ascending indices of the keypoints.
     ///
     /// # Errors
-    /// [`crate::Error::InvalidInput`] for lengths or bounds that are not positive; [`crate::Error::Interrupted`].
+    /// [`crate::Error::InvalidInput`] for lengths or bounds that are not positive;
+    /// [`crate::Error::Interrupted`].
     pub fn detect(&self, cloud: &Cloud, execution: &Execution) -> Result<Vec<usize>> {
         positive("nms_radius", self.nms_radius)?;
         let saliencies = self.saliencies(cloud, execution)?;

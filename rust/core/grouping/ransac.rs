@@ -21,8 +21,8 @@ method! {
         pub seed: u64 = 0;
         /// Fit the transform to all inliers once and select again.
         pub refine: bool = false;
-        /// Drop samples with an edge whose length ratio `min(ds/dt, dt/ds)` is lower, before counting their inliers (0.9 is
-        /// usual).
+        /// Drop samples with an edge whose length ratio `min(ds/dt, dt/ds)` is lower, before counting their
+        /// inliers (0.9 is usual).
         pub edge_ratio: Option<f64> = None, SHARE;
         /// Stop once the probability of having missed a better transform is at most `1 - confidence`.
         pub confidence: Option<f64> = None, BELOW_ONE;

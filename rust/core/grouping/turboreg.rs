@@ -1,7 +1,7 @@
 //! `TurboReg`: poses of triangles around the pairs that agree with the same others.
 //!
-//! Yan, Shi, Zhao, Wang, Cao, Wu, Li, *`TurboReg`: `TurboClique` for Robust and Efficient Point Cloud Registration*, ICCV 2025,
-//! section 3:
+//! Yan, Shi, Zhao, Wang, Cao, Wu, Li, *`TurboReg`: `TurboClique` for Robust and Efficient Point Cloud
+//! Registration*, ICCV 2025, section 3:
 //!
 //! 1. Compatibility: `|ds - dt| < D`, a bound far below the tolerance, and `ds + dt > r`: short edges do not
 //!    constrain the rotation.
@@ -38,8 +38,8 @@ const NMS_RADIUS: f64 = 1.5;
 method! {
     /// Parameters of `TurboReg`.
     pub struct TurboReg = "turboreg", ["source", "target"], optional ["resolution"], {
-        /// Residuals of inliers are below this length; default `5 * resolution`. Published: 0.1 m in rooms downsampled to 5
-        /// cm (preset "3dmatch"), 0.6 m on streets (preset "kitti").
+        /// Residuals of inliers are below this length; default `5 * resolution`. Published: 0.1 m in rooms
+        /// downsampled to 5 cm (preset "3dmatch"), 0.6 m on streets (preset "kitti").
         pub tolerance: Option<f64> = None;
         /// Bound on `|ds - dt|` of compatible correspondences, a length; default `0.12 * tolerance`.
         pub max_distance_difference: Option<f64> = None;

@@ -1,8 +1,8 @@
 //! Pose graphs: estimates the poses of nodes from measured motions between them, by least squares on SE(3);
 //! rejects wrong edges by graduated non-convexity; computes covariances.
 //!
-//! The error of an edge is the twist `e = log(Z^-1 T_i^-1 T_j)` (rotation vector, translation), and its cost `e' W e / 2` with the
-//! information W: GTSAM's convention. The first node of each component keeps its pose.
+//! The error of an edge is the twist `e = log(Z^-1 T_i^-1 T_j)` (rotation vector, translation), and its cost
+//! `e' W e / 2` with the information W: GTSAM's convention. The first node of each component keeps its pose.
 
 mod chordal;
 mod components;

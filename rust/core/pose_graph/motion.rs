@@ -1,4 +1,5 @@
-//! Motions and their twists: rotation vector first, then translation; a twist moves a pose on its right, `T exp(d)`.
+//! Motions and their twists: rotation vector first, then translation; a twist moves a pose on its right,
+//! `T exp(d)`.
 
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 

@@ -1,4 +1,5 @@
-//! Runs a kernel compiled for the best instruction set of this machine: AVX-512, AVX2 with FMA, or plain arrays.
+//! Runs a kernel compiled for the best instruction set of this machine: AVX-512, AVX2 with FMA, or plain
+//! arrays.
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the chosen instruction set")]
 

@@ -60,7 +60,8 @@ struct Pair {
 /// Refines a pose that is accurate to one or two spacings, with at most `samples` samples of each surface.
 ///
 /// # Errors
-/// [`Error::InvalidInput`] unless both surfaces have the same spacing; [`Error::Interrupted`], [`Error::OutOfMemory`].
+/// [`Error::InvalidInput`] unless both surfaces have the same spacing; [`Error::Interrupted`],
+/// [`Error::OutOfMemory`].
 pub fn align(
     source: &FineSurface,
     target: &FineSurface,

@@ -15,7 +15,8 @@ const EDGE: usize = 4;
 
 /// Indices of up to `most` points in the order drawn, without those that have no normal (a zero vector).
 ///
-/// Weighted sampling without replacement (Efraimidis and Spirakis 2006): the smallest `-ln(random) / weight` first.
+/// Weighted sampling without replacement (Efraimidis and Spirakis 2006): the smallest `-ln(random) / weight`
+/// first.
 ///
 /// # Errors
 /// [`crate::Error::OutOfMemory`].

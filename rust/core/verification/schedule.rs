@@ -92,7 +92,8 @@ struct Ranked {
 /// Scores the poses without refinement, by the measure of the last round.
 ///
 /// # Errors
-/// [`Error::InvalidInput`] unless both surfaces have one unit; [`Error::Interrupted`], [`Error::OutOfMemory`].
+/// [`Error::InvalidInput`] unless both surfaces have one unit; [`Error::Interrupted`],
+/// [`Error::OutOfMemory`].
 pub fn score_poses(
     source: &Surface,
     target: &Surface,

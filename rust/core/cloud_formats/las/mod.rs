@@ -1,4 +1,5 @@
-//! LAS, the format of airborne laser scans (ASPRS, LAS specification 1.0 to 1.5), and LAZ, its compressed form.
+//! LAS, the format of airborne laser scans (ASPRS, LAS specification 1.0 to 1.5), and LAZ, its compressed
+//! form.
 //!
 //! Coordinates are integers with a scale and an offset. Colours of 16 bits are converted to bytes; colours of
 //! writers that store bytes are kept. Intensities, classes, times, and all data after the points are ignored.

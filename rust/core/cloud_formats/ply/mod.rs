@@ -1,4 +1,5 @@
-//! PLY, the polygon file format (Turk 1994): a header that declares elements, then their rows in text or binary.
+//! PLY, the polygon file format (Turk 1994): a header that declares elements, then their rows in text or
+//! binary.
 //!
 //! Points are the element `vertex` with the properties x y z; nx ny nz and red green blue are read if
 //! present. Of 3D Gaussian splats (Kerbl et al. 2023; `opacity`, `scale_0`, `rot_0`), whose normals are

@@ -45,8 +45,8 @@ use crate::{Correspondences, Execution, Grouping, Points, Result, memory};
 method! {
     /// Parameters of SC2-PCR.
     pub struct Sc2Pcr = "sc2pcr", ["source", "target"], optional ["candidates", "resolution"], {
-        /// Residuals of inliers are below this length; default `5 * resolution`. Published: 0.1 m in rooms downsampled to 5
-        /// cm, 0.6 m on streets downsampled to 30 cm (presets "3dmatch" and "kitti").
+        /// Residuals of inliers are below this length; default `5 * resolution`. Published: 0.1 m in rooms
+        /// downsampled to 5 cm, 0.6 m on streets downsampled to 30 cm (presets "3dmatch" and "kitti").
         pub tolerance: Option<f64> = None;
         /// Bound on `|ds - dt|` of compatible correspondences, a length; default `tolerance`.
         pub max_distance_difference: Option<f64> = None;

@@ -14,7 +14,8 @@
 //! 4. Translation: the truncated mean of `p' - R p` by axis, bound beta (section V-B).
 //! 5. The group: the kept ones with `p' - R p` within beta of the translation along each axis.
 //!
-//! Cost O(n^2) tests of pairs; the clique's search is exponential at worst, and bounded. Memory `n^2 / 8` bytes.
+//! Cost O(n^2) tests of pairs; the clique's search is exponential at worst, and bounded. Memory `n^2 / 8`
+//! bytes.
 
 mod rotation;
 mod scale;
