@@ -116,7 +116,7 @@ impl Correspondences {
         Ok(self)
     }
 
-    /// Adds candidate target points of each source point, as many for each, the likeliest first.
+    /// Adds candidate target points of each source point, the same number for each, the likeliest first.
     ///
     /// # Errors
     /// [`Error::InvalidInput`] if their number is not a multiple of the number of correspondences.

@@ -31,7 +31,7 @@ impl Commas {
         Ok(is_decimal)
     }
 
-    /// The number of a field, which is separated by other characters than commas.
+    /// The number of a field, which is separated by characters other than commas.
     pub fn number_of(&mut self, line: &Line, field: &[u8]) -> Result<f64> {
         match Part::of(field) {
             Part::Decimal => self.note(line, true)?,

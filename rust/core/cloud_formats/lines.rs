@@ -87,7 +87,7 @@ impl<'a> Lines<'a> {
         Ok(Some(line))
     }
 
-    /// The number of a field, which is separated by other characters than commas.
+    /// The number of a field, which is separated by characters other than commas.
     pub fn number_of(&mut self, line: &Line, field: &[u8]) -> Result<f64> {
         self.commas.number_of(line, field)
     }

@@ -20,7 +20,7 @@ pub struct Linearization<'a> {
     places: Vec<Option<Place>>,
     unknown: Vec<Option<usize>>,
     pub system: System,
-    /// Gradient of the cost by the twists.
+    /// Gradient of the cost with respect to the twists.
     pub gradient: Vec<f64>,
 }
 

@@ -37,7 +37,7 @@ impl Pose {
         cosine.clamp(-1.0, 1.0).acos()
     }
 
-    /// Whether two poses move a point at `radius` from the centre apart by more than about a distance.
+    /// Whether two poses move a point at `radius` from the centre apart by more than about `distance`.
     pub fn is_apart(&self, other: &Self, radius: f32, distance: f32) -> bool {
         let shift = (self.translation - other.translation).norm();
         shift > distance || shift + self.angle_to(other) * radius > distance

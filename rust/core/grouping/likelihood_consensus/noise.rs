@@ -23,7 +23,7 @@ const SPACINGS: f64 = 0.8;
 /// Radii per factor of two, and most radii tried on both sides of the group's.
 const STEPS_PER_OCTAVE: f64 = 2.0;
 const MOST_STEPS: i32 = 8;
-/// Radii on both sides of the best that have to be worse.
+/// Number of radii on each side of the best that have to be worse.
 const WORSE: i32 = 2;
 
 /// Iterations of refinement.
