@@ -12,8 +12,8 @@ use crate::memory;
 use crate::verification::fine_surface::{FineSurface, REACH, Sample};
 use crate::verification::overlap::Resistance;
 
-/// Number of first steps, in which the reach shrinks; most samples per surface in them; reach of the last one,
-/// in spacings.
+/// Number of first steps, in which the reach shrinks; most samples per surface in them; reach of the last
+/// one, in spacings.
 const FIRST_STEPS: usize = 5;
 const FIRST_SAMPLES: usize = 1_000;
 const LAST_REACH: f64 = 1.5;
