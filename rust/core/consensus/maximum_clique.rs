@@ -34,8 +34,8 @@ pub struct Found {
 /// several.
 ///
 /// # Errors
-/// [`Error::InvalidInput`] if the graph of vertices that may be in a larger clique does not fit
-/// `execution.max_memory`; [`Error::Interrupted`], [`Error::OutOfMemory`].
+/// [`crate::Error::InvalidInput`] if the graph of vertices that may be in a larger clique does not fit
+/// `execution.max_memory`; [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
 pub fn maximum_clique(
     graph: &AgreementGraph,
     cores: &Cores,

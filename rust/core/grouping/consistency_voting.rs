@@ -24,9 +24,9 @@ method! {
     /// Parameters of consistency voting.
     pub struct ConsistencyVoting = "cv", ["source", "target", "ratio", "source_lrf", "target_lrf"],
         optional ["resolution"], {
-        /// Distance difference at which a vote falls to 1/e (delta_r), a length; default `10 * resolution`.
+        /// Distance difference at which a vote falls to 1/e (`delta_r`), a length; default `10 * resolution`.
         pub distance_scale: Option<f64> = None;
-        /// Difference of frame angles at which a vote falls to 1/e (delta_L), in degrees.
+        /// Difference of frame angles at which a vote falls to 1/e (`delta_L`), in degrees.
         pub angle_scale: f64 = 10.0, POSITIVE;
         /// Number of voters: the correspondences with the lowest ratios.
         pub voters: usize = 200;

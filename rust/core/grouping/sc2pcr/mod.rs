@@ -14,6 +14,7 @@
 //! 6. Pose of the set: weighted least squares, weighted by the principal eigenvector of its soft matrix with
 //!    zeros on the diagonal.
 //! 7. The pose with the most inliers wins, and is refined; the group is its inliers.
+//!
 //! With candidates, which are alternative target points of the source points, step 7 is that of SC2-PCR++
 //! (`candidates.rs`).
 //!
