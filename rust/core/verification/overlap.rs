@@ -39,8 +39,8 @@ pub struct Overlap {
 /// Motions that two surfaces constrain under a pose.
 #[derive(Debug, Clone)]
 pub struct Resistance {
-    /// `sum w J J^T` of the last point-to-plane step. J is the derivative of a pair's distance with respect to
-    /// a rotation vector about the target's origin and a translation, in the target's coordinates and the
+    /// `sum w J J^T` of the last point-to-plane step. J is the derivative of a pair's distance with respect
+    /// to a rotation vector about the target's origin and a translation, in the target's coordinates and the
     /// data's unit.
     pub information: Matrix6<f64>,
     /// The least constrained motion (rotation vector, translation), if the surfaces hardly constrain it; in
