@@ -59,6 +59,8 @@ if _TYPE_CHECKING:
     from cgroup.scenes import locate as locate
     from cgroup.scenes import register_all as register_all
 
+    merge = register_all
+
 __all__ = [
     "METHODS",
     "PAPER_METHODS",
@@ -96,19 +98,21 @@ _FROM_ROOMS = {
     "scenes": "locate register_all",
 }
 _ROOM_OF = {name: room for room, names in _FROM_ROOMS.items() for name in names.split()}
+_ALIASES = {"merge": "register_all"}  # the name of the command
 
 
 def __getattr__(name: str) -> _Any:  # noqa: ANN401 - a module or a function
     """Load what `import cgroup` leaves out, so that it stays fast."""
     if name in _ROOMS:
         return _importlib.import_module(f"cgroup.{name}")
-    if name in _ROOM_OF:
-        return getattr(_importlib.import_module(f"cgroup.{_ROOM_OF[name]}"), name)
+    own = _ALIASES.get(name, name)
+    if own in _ROOM_OF:
+        return getattr(_importlib.import_module(f"cgroup.{_ROOM_OF[own]}"), own)
     raise AttributeError(f"module 'cgroup' has no attribute {name!r}", name=name, obj=_sys.modules[__name__])
 
 
 def __dir__() -> list[str]:
-    return sorted({*__all__, *_ROOMS, *_ROOM_OF, "methods"})
+    return sorted({*__all__, *_ROOMS, *_ROOM_OF, *_ALIASES, "methods"})
 
 
 _reserve_linear_algebra()

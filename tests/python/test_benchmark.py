@@ -1,5 +1,7 @@
 """The benchmark's runner: nothing lost, nothing done twice, the same records however it is run."""
 
+import os
+import signal
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -9,7 +11,7 @@ import pandas as pd
 import pytest
 
 import benchmark_fakes
-from benchmark_runs import CLOUDS, MATCHES, contents, serial
+from benchmark_runs import CLOUDS, MATCHES, contents, count, serial, start_benchmark, wait_until
 from cgroup.benchmark import run as runner
 from cgroup.benchmark import solving, tables
 from cgroup.benchmark.config import parse_config
@@ -145,6 +147,41 @@ def expected(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[object, ...
 def test_records_do_not_depend_on_the_backend(backend, workers, expected, tmp_path):
     run(parse_config(MATCHES), tmp_path, backend=backend, workers=workers)
     assert contents(tmp_path) == expected
+
+
+@pytest.mark.skipif(os.name == "nt", reason="there is no kill -9")
+def test_killed_and_started_again_nothing_is_lost_or_done_twice(tmp_path, log):
+    config = tmp_path / "tiny.toml"
+    config.write_text(MATCHES.replace('"ransac", "gtm"', '"ransac", "benchmark_fakes:first"'))
+    serial(config.read_text(), tmp_path / "whole")
+    # It stays in the midst of the stage, and so can't end before it is killed.
+    slow = start_benchmark("run", config, "--out", tmp_path / "out", "--workers", 2, FAKES_HOLD="first")
+    wait_until(lambda: count(tmp_path / "out", "results") >= 3, "no 3 results")
+    os.killpg(slow.pid, signal.SIGKILL)
+    slow.communicate()
+    stored = count(tmp_path / "out", "results")
+    assert 3 <= stored < 16
+    log.write_text("")
+    again = start_benchmark("run", config, "--out", tmp_path / "out", "--workers", 2)
+    _, err = again.communicate(timeout=60)
+    assert (again.returncode, err) == (0, "")
+    assert contents(tmp_path / "out") == contents(tmp_path / "whole")
+    assert len([line for line in lines(log) if line.startswith("first")]) == 8 - stored // 2
+
+
+@pytest.mark.skipif(os.name == "nt", reason="interrupts are sent differently there")
+@pytest.mark.usefixtures("log")
+def test_interrupt_keeps_what_is_finished(tmp_path):
+    config = tmp_path / "tiny.toml"
+    config.write_text(MATCHES)
+    slow = start_benchmark("run", config, "--out", tmp_path / "out", "--workers", 2, FAKES_HOLD="load")
+    wait_until(lambda: count(tmp_path / "out", "matches") >= 2, "no 2 problems")
+    os.killpg(slow.pid, signal.SIGINT)
+    out, err = slow.communicate(timeout=30)
+    assert (slow.returncode, err) == (130, "cgroup: interrupted\n")
+    assert "run the same command again to continue" in out
+    serial(MATCHES, tmp_path / "out")
+    assert len(tables.load(tmp_path / "out")) == 16
 
 
 @pytest.mark.parametrize(

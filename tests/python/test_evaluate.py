@@ -29,6 +29,7 @@ from cgroup.evaluation.recall_protocols import (
     score_poses,
 )
 from cgroup.evaluation.result_files import PairErrors, PairPoses, read_results, read_truth
+from cgroup.features import within
 from cgroup.io import read_cloud, read_transforms, write_file
 from cgroup.io.transforms import format_log
 from cgroup.pose_graph.files import motion_lines

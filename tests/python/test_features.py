@@ -1,5 +1,6 @@
 """The front end against the NumPy reference, under rigid motions, and on input that is hardly any."""
 
+import sys
 from fractions import Fraction
 
 import numpy as np
@@ -8,7 +9,7 @@ from every_step import steps_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cgroup import InputError, features
+from cgroup import CgroupError, InputError, features
 from reference import fpfh, harris3d, iss, lfsh, matching, rcs, shot, shot_lrf, voxels
 from reference import normals as planes
 from strategies import random_motion
@@ -468,7 +469,7 @@ def test_missing_open3d_is_explained(monkeypatch):
 
 
 def test_keypoints_of_open3d():
-    pytest.importorskip("open3d", exc_type=ImportError)
+    open3d = pytest.importorskip("open3d", exc_type=ImportError)
     points = surface(9, 2000)
     cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points))
     found = open3d.geometry.keypoint.compute_iss_keypoints(cloud, 1, 0.7, 0.975, 0.975, 5)

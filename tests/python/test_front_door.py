@@ -29,8 +29,8 @@ assert not [name for name in heavy if name in sys.modules], "loaded too early"
 assert {"register", "read_cloud", "io", "features", "gtm"} <= set(dir(cgroup))
 assert not {"annotations", "errors", "registry", "types", "interrupts"} & set(dir(cgroup))
 assert cgroup.register.__name__ == "register" and cgroup.read_cloud is cgroup.io.read_cloud
-assert cgroup.register_all is cgroup.scenes.register_all
-names = {"Registration", "assess", "locate", "prepare", "recognize", "register_many"}
+assert cgroup.merge is cgroup.register_all is cgroup.scenes.register_all
+names = {"Registration", "assess", "locate", "merge", "prepare", "recognize", "register_many"}
 assert names <= set(dir(cgroup)) and all(callable(getattr(cgroup, name)) for name in names)
 assert cgroup.comparison.compare and cgroup.nuisances and cgroup.pages
 assert cgroup.features.resolution and cgroup.plots and cgroup.evaluation and cgroup.verification and cgroup.datasets

@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cgroup import _core
-from cgroup._checks.arrays import as_rows, real_normals
+from cgroup._checks.arrays import as_rows, real_normals, real_points
 from cgroup._checks.calls import explain_wrong_calls
-from cgroup._checks.values import as_count, as_flag, as_length, as_number, run_options
-from cgroup.features.cloud import CloudLike, Places, places_of, resolution_of
+from cgroup._checks.values import as_choice, as_count, as_flag, as_length, as_number, run_options
+from cgroup.features import _open3d
+from cgroup.features.cloud import Cloud, CloudLike, Places, places_of, resolution_of
 from cgroup.types import IndexArray
 
 HARRIS_RADIUS = 2.7  # default radius of Harris 3D in pr, as in the paper authors' pipeline
@@ -129,6 +130,7 @@ def iss(
     density_weight: bool = False,
     covariance: Literal["point", "mean"] = "point",
     count: int | None = None,
+    backend: Literal["cgroup", "open3d"] = "cgroup",
     threads: int | None = None,
 ) -> IndexArray:
     """Return ISS keypoints (intrinsic shape signatures): the surface bends all ways.
@@ -153,11 +155,19 @@ def iss(
         Weight neighbours by the inverse of their own number of neighbours, as the original paper does.
     covariance : {"point", "mean"}
         Scatter about the point itself (PCL), or covariance about the ball's mean (Open3D).
+    backend : {"cgroup", "open3d"}
+        Open3D's detector has only the two radii, the two bounds and `min_neighbors`, with the covariance
+        about the mean.
 
     Returns
     -------
     (m,) array of int64
         Ascending row numbers.
+
+    Raises
+    ------
+    CgroupError
+        If the backend is Open3D, and it can't be imported.
 
     Examples
     --------
@@ -176,6 +186,11 @@ def iss(
         resolution = resolution_of(places, threads)
     salient = length_or_multiple("salient_radius", salient_radius, ISS_RADII[0], places, resolution, threads)
     nms = length_or_multiple("nms_radius", nms_radius, ISS_RADII[1], places, resolution, threads)
+    if as_choice("backend", backend, ("cgroup", "open3d")) == "open3d":
+        _open3d.refuse_options(density_weight=density_weight, count=count)
+        given = points.points if isinstance(points, Cloud) else real_points("points", points)
+        distinct = given if places.first is None else given[places.first]
+        return places.first_rows(_open3d.iss(distinct, salient, nms, gamma_21, gamma_32, min_neighbors))
     found = _core.iss(
         places.core,
         run_options(threads),
