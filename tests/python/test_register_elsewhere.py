@@ -115,6 +115,11 @@ def test_a_rough_pose_that_is_wrong_is_refused(seed: int) -> None:
         register(SOURCE, TARGET, initial=near_truth(90, 0.1, seed))
 
 
+def test_poses_beyond_the_radius_are_not_found() -> None:
+    with pytest.raises(NoConsensusError):
+        register(SOURCE, TARGET, initial=near_truth(0, 0.1), radius=2 * PR, angle=5)
+
+
 @pytest.mark.parametrize("voxels", [0, 3])
 def test_a_pose_is_refined(by_rows: Registration, voxels: int) -> None:
     rough = near_truth(voxels, 0.0)
