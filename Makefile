@@ -33,7 +33,7 @@ ADVISORIES := https://github.com/rustsec/advisory-db
 # Seconds per target, and which: make fuzz SECONDS=60 FUZZ_TARGETS=features
 SECONDS ?= 60
 FUZZ_TARGETS ?= $(notdir $(basename $(wildcard fuzz/bins/*.rs)))
-FUZZ_PYTHON_TARGETS ?= read_stored run_command
+FUZZ_PYTHON_TARGETS ?= read_scan read_stored run_command
 FUZZ_OUT := target/fuzz
 # Bytes of an input; MiB that one block, and all of a process, may come to; seconds that one input may take.
 FUZZ_LIMITS := -max_len=2048 -malloc_limit_mb=512 -rss_limit_mb=2048 -timeout=60

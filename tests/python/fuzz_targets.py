@@ -16,11 +16,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from cloud_files import CLOUDS
+from cloud_files import CLOUDS, png
+from e57_files import seal
 
 import cgroup
 import cgroup.cli
 from cgroup.evaluation.result_files import read_results, read_truth
+from cgroup.io import read_cloud, read_depth
 from cgroup.maps.prepared_map import Level
 from cgroup.scenes import PoseGraph, PreparedMap
 from cgroup.scenes.kept_links import KeptLinks
@@ -104,6 +106,28 @@ def _run(arguments: list[str]) -> None:
         raise RuntimeError(output.getvalue())
 
 
+SCANS = {name: CLOUDS[name] for name in ("scan.e57", "mesh.glb", "mesh.gltf")} | {
+    "depth.png": png(np.arange(48, dtype=np.uint16).reshape(6, 8))
+}
+
+
+def read_scan(data: bytes) -> None:
+    """Read a small file, some bytes of which are others; where pages have checksums, these are right."""
+    draws = Draws(data)
+    name = draws.one_of(tuple(SCANS))
+    content = SCANS[name]
+    start, length = draws.number(len(content)), draws.number(8)
+    content = content[:start] + draws.rest() + content[start + length :]
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, name)
+        path.write_bytes(seal(content) if name == "scan.e57" else content)
+        with contextlib.suppress(cgroup.InputError):
+            if name == "depth.png":
+                read_depth(path, (500, 500, 3, 2))
+            else:
+                read_cloud(path)
+
+
 def _stored_files(folder: Path) -> dict[str, bytes]:
     """Write a small file of each kind that cgroup keeps, or reads as a result or a graph."""
     pose = np.eye(4)
@@ -175,6 +199,7 @@ def _read_stored(path: Path) -> None:
 
 
 TARGETS = {
+    "read_scan": read_scan,
     "read_stored": read_stored,
     "run_command": run_command,
 }
