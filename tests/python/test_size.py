@@ -13,12 +13,12 @@ PACKAGE = Path(cgroup.__file__).parent
 FILES = sorted(PACKAGE.rglob("*.py"))
 
 MOST_LINES = {
-    "": 38_900,
+    "": 35_500,
     "benchmark/": 7_100,
-    "cli/": 3_480,
+    "cli/": 3_450,
     "datasets/": 3_300,
     "evaluation/": 1_510,
-    "features/": 1_250,
+    "features/": 1_350,
     "io/": 2_200,
     "maps/": 940,
     "methods/": 990,
@@ -29,7 +29,7 @@ MOST_LINES = {
 }
 """Lines of the package and of its rooms, with docstrings and blank lines."""
 
-MOST_FILES = 250
+MOST_FILES = 215
 LONGEST_FILE = 400
 LONGEST_FUNCTION = 40  # without its docstring
 MOST_PARAMETERS = 8
