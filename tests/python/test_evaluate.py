@@ -3,7 +3,6 @@
 import csv
 import itertools
 import json
-import re
 from dataclasses import fields, replace
 
 import numpy as np
@@ -371,17 +370,7 @@ def test_names_of_files_are_text_in_every_table(folder, capsys):
         assert "\x1b" not in text
 
 
-def test_the_page_has_tables_curves_and_the_worst_poses(folder, capsys):
-    (folder / "<b>.csv").write_bytes((folder / "ours.csv").read_bytes())
-    page = folder / "page.html"
-    assert "wrote page.html to" in succeed(capsys, *asked(folder, "<b>.csv", "theirs"), "--html", page)
-    html = page.read_text()
-    assert html.count('class="scroll"') == html.count("<table") == html.count("<h2") > 3
-    assert html.count('role="img"') == 1
-    assert "RMSE: recall over the limits, times a factor" in html
-    rows = re.findall(r'<th[^>]*scope="row"[^>]*>(.*?)</th>', html)
-    assert {"&lt;b&gt;", "0.1 to 0.3", "2.0"} <= {*rows}  # also what the chart shows
-    assert "3DMatch: 30 pairs of 3 scenes; recalls in % with Wilson&#x27;s intervals of 95 %" in html
+def test_the_worst_poses_are_listed(folder, capsys):
     ours, theirs = json.loads(succeed(capsys, *asked(folder), "--json"))["results"]["methods"]
     assert len(ours["worst"]) == min(20, ours["wrong"]) > 0
     assert theirs["worst"] == []

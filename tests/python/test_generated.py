@@ -15,7 +15,7 @@ from cgroup.datasets import make_problem, open_dataset, standin_pair
 from cgroup.datasets.generated import stones
 from cgroup.datasets.generated.scanner import Mesh, range_image
 from cgroup.datasets.generated_matches import FRAMES, SCENES, make_scene
-from cgroup.evaluation.ground_truth import OVERLAP_WITHIN, VISIBLE_WITHIN, triangle_areas
+from cgroup.evaluation.ground_truth import triangle_areas
 from cgroup.features.cloud import within
 from cgroup.rigid import check_rigid
 
@@ -149,32 +149,6 @@ def test_standins_are_reproducible_and_posed(name: str, count: int, pair_name: s
     assert dataset.origin_of(pair_name) == "synthetic"
     with pytest.raises(InputError, match=rf"no pair 'x'.*{count}"):
         dataset.load("x")
-
-
-@pytest.mark.parametrize(
-    ("name", "pair_name", "usual"),
-    [("standin-clutter", "scene0-stone2", VISIBLE_WITHIN), ("standin-views", "views5", OVERLAP_WITHIN)],
-)
-def test_facts_are_measured_with_the_bound_that_is_asked_for(name: str, pair_name: str, usual: float) -> None:
-    dataset, facts = open_dataset(name), standin(name, pair_name).facts
-    assert dataset.measure_facts(pair_name, bound=usual) == facts
-    for fact, tight, wide in (("clutter", 0.99, 0.01), ("occlusion", 0.99, 0.01), ("overlap", 0.01, 0.99)):
-        if fact in facts:
-            shares = [dataset.measure_facts(pair_name, bound=bound)[fact] for bound in (0.01, usual, 1000)]
-            assert shares in (sorted(shares), sorted(shares, reverse=True))
-            assert abs(shares[0] - tight) < 0.05
-            assert abs(shares[2] - wide) < abs(shares[1] - wide)
-    for bound in (0, -1, np.nan, np.inf):
-        with pytest.raises(InputError, match="bound: got"):
-            dataset.measure_facts(pair_name, bound=bound)
-    with pytest.raises(InputError, match="no pair 'x'"):
-        dataset.measure_facts("x", bound=2)
-
-
-def test_pairs_without_such_facts_have_none_to_be_measured() -> None:
-    assert open_dataset("standin-full").measure_facts("stone2", bound=2) == {}
-    matches = open_dataset("generated-matches")
-    assert matches.measure_facts(matches.pair_names()[0], bound=2) == {}
 
 
 # --- data set of matches ------------------------------------------------------------------------

@@ -158,7 +158,7 @@ def test_a_search_that_found_nothing_says_what_may_help(axis: np.ndarray | None)
     eyed = prepare(PAIR.source, voxel=6.0, viewpoint=(0, 0, 0))
     for one, other, words in (
         (SCAN, large, "scale one"),
-        (SCAN, SCAN, "give the scanner's position as `viewpoint`"),
+        (SCAN, SCAN, "give the scanner's position by `viewpoint`"),
         (eyed, SCAN, "if the target is a single scan, give `target_viewpoint` too"),
         (eyed, eyed, "give `axis`" if axis is None else ", or not the axis, or a viewpoint may be"),
     ):

@@ -3,7 +3,6 @@
 import json
 import os
 import pickle
-import sys
 from functools import cache
 from pathlib import Path
 
@@ -17,6 +16,7 @@ from cgroup.datasets.generated.shapes import random_pose
 from cgroup.datasets.generated.worlds import World
 from cgroup.evaluation import rotation_error
 from cgroup.io import read_cloud
+from cgroup.maps import settings
 from cgroup.maps.plan_view import find_layers
 from cgroup.rigid import apply, invert
 from cgroup.scenes import PreparedMap, locate, prepare_map, register_all
@@ -79,7 +79,7 @@ def origin_of(pose: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("whole", [True, False])
 def test_a_scan_is_found_in_a_town(whole: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     if not whole:
-        monkeypatch.setattr(sys.modules["cgroup.maps.locate"], "WHOLE", 500)
+        monkeypatch.setattr(settings, "WHOLE", 500)
     for eye in EYES:
         found = locate(scan_from(eye), place())
         assert [each.ok for each in found] == [True]

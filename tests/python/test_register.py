@@ -166,7 +166,7 @@ def test_clouds_that_share_nothing_are_refused_with_the_best_guess(refusal: NoCo
     message = str(refusal)
     assert message.startswith("no pose that can be trusted: ")
     assert f"{best.probability:.2f}" in message
-    assert "give the scanner's position as `viewpoint`" in message
+    assert "give the scanner's position by `viewpoint`" in message
 
 
 @pytest.mark.parametrize("seed", range(2))

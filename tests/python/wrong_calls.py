@@ -1,8 +1,10 @@
 """Wrong calls of public functions and methods, beyond those of `public_calls`. Each takes the function."""
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import pandas as pd
@@ -38,6 +40,11 @@ def drawn(**masks: Any) -> Callable[..., Any]:
     return given(PROBLEM.source, PROBLEM.target, BARE, **masks, T_target_source=np.eye(4), title="")
 
 
+def find_open3d_missing(iss: Callable[..., Any]) -> object:
+    with mock.patch.dict(sys.modules, {"open3d": None}):
+        return iss(PROBLEM.source, backend="open3d")
+
+
 WRONG_CALLS: dict[str, list[Callable[[Any], Any]]] = {
     "cgroup.Grouping.transform": [given(cgroup.nnsr([0.5])), given(cgroup.gtm(np.eye(3)[:2], np.eye(3)[:2]))],
     "cgroup.Grouping.explain": [given(cgroup.nnsr([0.5]), 1)],
@@ -45,6 +52,7 @@ WRONG_CALLS: dict[str, list[Callable[[Any], Any]]] = {
     "cgroup.Correspondences.plot": [given(BARE, T_target_source=np.eye(3))],
     "cgroup.types.PointCloud.transformed": [given(CLOUD, 2 * np.eye(4))],
     "cgroup.registry.label_of": [given("nonsense")],
+    "cgroup.features.iss": [find_open3d_missing],
     "cgroup.registration.register": [given(UNRELATED.source, UNRELATED.target)],
     "cgroup.registration.assess": [
         given(PAIR.source, PAIR.target, np.diag([1.0, -1, -1, 1]), axis=(0, 0, 1), effort="low", voxel=9.0),

@@ -220,6 +220,7 @@ def resolution_of(places: Places, threads: int | None) -> float:
     return _core.resolution(places.core, run_options(threads), ignore_zero=False)
 
 
+@explain_wrong_calls
 def within(points: AnyCloud, others: AnyCloud, radius: float) -> BoolArray:
     """Return which points have at least one of the others within a radius.
 
