@@ -1,4 +1,4 @@
-"""Measure the numbers of README and pages.
+"""Measure the numbers of the README and the pages.
 
 Each command rewrites files of ``measured/``, and the tables of README:
 

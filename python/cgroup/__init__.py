@@ -1,4 +1,4 @@
-"""Point cloud registration and 3D correspondence grouping: the right matches among mostly wrong ones.
+"""Point cloud registration, and grouping of 3D correspondences that are mostly wrong.
 
 >>> import numpy as np
 >>> from cgroup import gtm
@@ -102,7 +102,7 @@ _ALIASES = {"merge": "register_all"}  # the name of the command
 
 
 def __getattr__(name: str) -> _Any:  # noqa: ANN401 - a module or a function
-    """Load what `import cgroup` leaves out, so that it stays fast."""
+    """Load names on first use, so that `import cgroup` stays fast."""
     if name in _ROOMS:
         return _importlib.import_module(f"cgroup.{name}")
     own = _ALIASES.get(name, name)

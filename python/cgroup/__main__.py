@@ -1,4 +1,4 @@
-"""The command line, as ``python -m cgroup``."""
+"""Run the command line as ``python -m cgroup``."""
 
 from __future__ import annotations
 

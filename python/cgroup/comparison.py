@@ -1,4 +1,4 @@
-"""Methods compared on the same correspondences, against the true pose."""
+"""Comparison of methods on the same correspondences, against the true pose."""
 
 from __future__ import annotations
 
@@ -137,7 +137,7 @@ def compare(
 def find_correct(
     correspondences: Correspondences, T_target_source: ArrayLike, *, tolerance: float | None = None
 ) -> BoolArray:
-    """Return which correspondences are correct.
+    """Return the mask of the correct correspondences.
 
     Parameters
     ----------

@@ -33,7 +33,7 @@ class InputError(CgroupError, ValueError):
     got : object, optional
         Its value, as ``str()`` shows it.
     remedy : str, optional
-        What to give instead.
+        An instruction how to fix the call.
 
     Examples
     --------
@@ -58,14 +58,14 @@ class InputError(CgroupError, ValueError):
 
 
 class OutOfMemoryError(CgroupError, MemoryError):
-    """The system gave no memory for a block that the computation needs, or no threads.
+    """The system cannot provide the memory or threads that a computation needs.
 
-    Also a `MemoryError`. The process goes on: free memory, or give fewer points or threads, and call again.
+    Also a `MemoryError`. The process continues: free memory, or give fewer points or threads, and call again.
     """
 
 
 class NoConsensusError(CgroupError, ValueError):
-    """No reliable pose: the group determines none, or the surfaces confirm none.
+    """No pose is determined by the group, or none is confirmed by the surfaces.
 
     Also a `ValueError`.
 

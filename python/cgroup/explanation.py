@@ -1,4 +1,4 @@
-"""Explanation of why one match was kept or dropped."""
+"""Explanation of the decision on one match."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from cgroup._show.words import length, one_of
 
 @dataclass(frozen=True)
 class Explanation:
-    """Why one match was kept or dropped; `str` puts it into sentences.
+    """The reason why one match was kept or dropped; `str` returns it in sentences.
 
     Attributes
     ----------
@@ -25,7 +25,7 @@ class Explanation:
     score : float or None
         The method's score of it, for methods that score.
     rank : int or None
-        Its place by score, 1 for the greatest; matches of equal scores share a place.
+        Its rank by score, 1 for the greatest; equal scores have equal ranks.
     threshold : float or None
         The cut on the scores, where scores decide.
     residual : float or None
@@ -36,7 +36,7 @@ class Explanation:
         The bound on the residual, in the data's unit, where residuals decide; for TEASER++ the bound along
         each axis.
     resolution : float or None
-        The unit pr, where it is known.
+        The unit pr, if known.
     agreeing, agreeing_in_group : int or None
         How many of the other matches, and how many of the group's others, keep their distance to it. None
         without points.
@@ -45,7 +45,7 @@ class Explanation:
     reason : str
         Why, in words.
     remedy : str
-        The change that would have kept it, other things being equal; empty where it was kept, or unknown.
+        The single change that would have kept it; empty if it was kept, or if the change is unknown.
 
     Examples
     --------
@@ -79,7 +79,7 @@ class Explanation:
 
     @property
     def residual_in_resolutions(self) -> float | None:
-        """The residual in pr; None where either isn't known."""
+        """The residual in pr; None if the residual or pr is unknown."""
         if self.residual is None or self.resolution is None:
             return None
         return self.residual / self.resolution

@@ -45,13 +45,13 @@ def group(
         The method takes the fields that it is defined on.
     method : str
         Name of the method, one of `cgroup.METHODS`, in any case; labels and names of functions mean the same:
-        "3dhv", "Hough3D". With the default, `Grouping.ok` is False where chance could explain the group.
+        "3dhv", "Hough3D". With the default, `Grouping.ok` is False if chance could explain the group.
     preset : str
-        Where the method's options come from, one of `cgroup.PRESETS`: "paper", its defaults; "literal", the
+        Source of the method's options, one of `cgroup.PRESETS`: "paper", its defaults; "literal", the
         formulas of Yang et al., TPAMI 2019, to the letter; "original", its own author's options; "pcl";
         "legacy_header"; "3dmatch" and "kitti", published constants in metres.
     **options
-        Options of the method by their names, such as ``tolerance=0.1``; they win over the preset's.
+        Options of the method by their names, such as ``tolerance=0.1``; they override the preset's.
         ``tolerance="auto"`` estimates the resolution by `lc`, from the matches alone; for `lc` itself it
         means no tolerance.
 
@@ -135,7 +135,7 @@ def group_many(
 
 
 def _with_estimated_resolution(correspondences: Correspondences, threads: int | None) -> Correspondences:
-    """Return the correspondences with the resolution that suits them, by likelihood consensus."""
+    """Return the correspondences with a resolution estimated by likelihood consensus."""
     unknown = replace(correspondences, resolution=None)
     return replace(unknown, resolution=group(unknown, "lc", threads=threads).diagnostics["resolution"])
 
@@ -143,7 +143,7 @@ def _with_estimated_resolution(correspondences: Correspondences, threads: int | 
 def check_method(
     method: str, options: Mapping[str, Any] | None = None, called: Callable[..., Any] | None = None
 ) -> str:
-    """Return the public name of a method; raise `InputError` where there is none, or an option it lacks.
+    """Return the public name of a method; raise `InputError` for an unknown method or option.
 
     `called` is the function that passes the options on; its own options are suggested too.
     """
@@ -155,7 +155,7 @@ def check_method(
 
 @cache
 def _defaults(function: Callable[..., Grouping]) -> Mapping[str, Any]:
-    """Options of a method, and what they are where they are not given."""
+    """Return the options of a method with their default values."""
     parameters = inspect.signature(function).parameters
     return {name: parameter.default for name, parameter in parameters.items() if name not in FIELDS}
 
@@ -182,7 +182,7 @@ def _fields_for(info: MethodInfo, correspondences: Correspondences) -> Fields:
                 "method",
                 remedy=(
                     f"{info.name} needs `{name}`, which these correspondences lack; give `Correspondences` "
-                    f"with it, or use a method that does without: {', '.join(modest)}"
+                    f"with it, or use a method without this need: {', '.join(modest)}"
                 ),
             )
     return Fields(**{name: getattr(correspondences, name) for name in (*info.fields, *info.optional_fields)})

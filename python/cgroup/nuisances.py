@@ -46,7 +46,7 @@ def add_noise(cloud: AnyCloud, sigma: float, rng: np.random.Generator) -> PointC
     Parameters
     ----------
     cloud : PointCloud or (N,3) array_like of float
-        Left as it is.
+        Not changed.
     sigma : float
         Standard deviation along each axis, in the data's unit.
     rng : numpy.random.Generator
@@ -71,19 +71,19 @@ def decimate(
     *,
     method: Literal["random", "voxel"] = "random",
 ) -> PointCloud:
-    """Keep a share of the points.
+    """Keep a fraction of the points.
 
     Parameters
     ----------
     cloud : PointCloud or (N,3) array_like of float
-        Left as it is.
+        Not changed.
     share : float
         Of the points that are kept, greater than 0 and at most 1.
     rng : numpy.random.Generator
         Chooses the points; "voxel" makes no use of it.
     method : {"random", "voxel"}
         A random subset, in the cloud's order; or the means of the points in the cells of a grid whose cell
-        size is chosen so that about the share is left.
+        size is chosen so that about this fraction is left.
 
     Returns
     -------
@@ -113,11 +113,11 @@ def apply_nuisance(name: str, pair: MatchingPair, level: float, rng: np.random.G
         One of `NUISANCES`; or "module:function" for one from outside the package, which takes the pair, the
         level and the generator and returns a pair.
     pair : MatchingPair
-        Left as it is.
+        Not changed.
     level : float
         For "noise" the standard deviation along each axis, in resolutions of the target; for "density" and
-        "voxel-density" the share of points kept; for "overlap" the share of the smaller cloud, within 4
-        resolutions; for "occlusion" the share of the source that is hidden, and for "clutter" the share of
+        "voxel-density" the fraction of points kept; for "overlap" the fraction of the smaller cloud, within 4
+        resolutions; for "occlusion" the hidden fraction of the source, and for "clutter" the fraction of
         the target's points that are not on the source, both within 2 resolutions.
     rng : numpy.random.Generator
         The only source of randomness.
@@ -150,7 +150,7 @@ def _noise(pair: MatchingPair, level: float, rng: np.random.Generator) -> Matchi
 
 
 def _overlap(pair: MatchingPair, level: float, rng: np.random.Generator) -> MatchingPair:
-    """Cut the same share off both clouds, from opposite sides, down to an overlap."""
+    """Cut the same fraction off both clouds, from opposite sides, to reach an overlap."""
     _check_share("overlap", level)
     direction = random_direction(rng)
     tolerance = OVERLAP_WITHIN * mean_resolution(pair.source, pair.target)
@@ -185,7 +185,7 @@ def _overlap(pair: MatchingPair, level: float, rng: np.random.Generator) -> Matc
 
 
 def _occlusion(pair: MatchingPair, level: float, rng: np.random.Generator) -> MatchingPair:
-    """Cut the model's points out of the target, up to a hidden share of the model."""
+    """Cut the model's points out of the target, until a fraction of the model is hidden."""
     _check_share("occlusion", level)
     direction = random_direction(rng)
     tolerance = VISIBLE_WITHIN * mean_resolution(pair.source, pair.target)
@@ -203,7 +203,7 @@ def _occlusion(pair: MatchingPair, level: float, rng: np.random.Generator) -> Ma
 
 
 def _clutter(pair: MatchingPair, level: float, rng: np.random.Generator) -> MatchingPair:
-    """Put generated stones, as large and dense as the source, around the target."""
+    """Add generated stones around the target, as large and dense as the source."""
     _check_share("clutter", level)
     scene = pair.target.points
     pr = mean_resolution(pair.source, pair.target)

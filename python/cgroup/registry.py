@@ -1,4 +1,4 @@
-"""The table of grouping methods: everything known of a method besides its parameters.
+"""The table of grouping methods, with all facts about a method except its parameters.
 
 Names, plot styles, help texts and tables derive from it. `METHODS` is what exists; `PAPER_METHODS` is what
 the paper compared: its claims and presets are about those nine, whatever else is added.
@@ -48,12 +48,12 @@ _SPELLINGS = {
 
 
 def look_up_method(name: object) -> MethodInfo | None:
-    """Return what is known of a method by its public name, its label or its function, or None."""
+    """Return the facts about a method by its public name, its label or its function, or None."""
     return _SPELLINGS.get(_spell(name)) if isinstance(name, str) else None
 
 
 def find_method(name: object, otherwise: str = "") -> MethodInfo:
-    """Return what is known of a method; raise `InputError` with a suggestion if there is none.
+    """Return the facts about a method; raise `InputError` with a suggestion for an unknown one.
 
     `otherwise` lists other accepted values, for the error: ", or give module:function".
     """

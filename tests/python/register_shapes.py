@@ -79,7 +79,7 @@ def moved(points: FloatArray, seed: int = 0, distance: float = 3.0) -> tuple[Flo
 
 
 def best_guess(source: FloatArray, target: FloatArray, **options: Any) -> Registration:
-    """The pose that `register` finds, whether it can be trusted or not."""
+    """The pose that `register` finds, whether it is reliable or not."""
     try:
         return register(source, target, **options)
     except NoConsensusError as error:

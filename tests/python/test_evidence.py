@@ -148,7 +148,7 @@ def test_a_pose_that_is_a_little_off_is_told_from_the_right_one() -> None:
     for seed, (voxels, degrees) in enumerate([(0.6, 0), (1, 1), (4, 0), (0, 5), (2, 3)]):
         told = assess(PAIR.source, PAIR.target, displaced(voxels, degrees, found.voxel, seed), **EYES)
         assert not told.ok
-        assert re.search(r"a better pose lies \S+ away on average over the source, \S+ voxels", told.notes[0])
+        assert re.search(r"a better pose is \S+ away on average over the source, \S+ voxels", told.notes[0])
         np.testing.assert_allclose(told.alternatives[0], found.T_target_source, atol=0.05 * found.voxel)
 
 

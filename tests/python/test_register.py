@@ -164,7 +164,7 @@ def test_clouds_that_share_nothing_are_refused_with_the_best_guess(refusal: NoCo
     assert not best.ok
     assert best.probability < 0.5
     message = str(refusal)
-    assert message.startswith("no pose that can be trusted: ")
+    assert message.startswith("no reliable pose: ")
     assert f"{best.probability:.2f}" in message
     assert "give the scanner's position by `viewpoint`" in message
 

@@ -55,7 +55,7 @@ class Origin:
         return f"Measured {self.date} at {self.commit} by {how}; {self.machine}."
 
     def changes(self) -> list[str]:
-        """List the files of the code that have changed since."""
+        """List the source files that have changed since the measurement."""
         return _list_changes(self.commit, self.code.split())
 
 

@@ -272,7 +272,7 @@ def _short(value: float) -> str:
 
 
 def measured_table(name: str) -> str:
-    """Show a file of measurements as it is; columns of numbers are set flush right."""
+    """Return a file of measurements as a table, with numbers right-aligned."""
     path = FOLDER / f"{name}.csv"
     table = load_table(path)
     right = [all(not cell.strip(_NUMERIC) for cell in table[column]) for column in table]

@@ -1,1 +1,1 @@
-"""Arguments checked: values, arrays, fields of correspondences, clouds of other libraries."""
+"""Checks of arguments: values, arrays, fields of correspondences, clouds of other libraries."""

@@ -1,6 +1,6 @@
-"""Convert arguments to arrays of the expected kind, or refuse them.
+"""Convert arguments to arrays of the expected kind, or raise.
 
-Masked arrays are refused, also those whose mask hides nothing: NumPy's functions drop masks without a word,
+Masked arrays are refused, even without masked entries: NumPy's functions drop masks without a warning,
 and whether a mask hides something is a matter of the data, not of the program.
 """
 
@@ -29,7 +29,7 @@ AS_THEY_ARE = (np.dtype(np.float32), np.dtype(np.float64))
 
 
 def as_floats(name: str, value: ArrayLike) -> FloatArray:
-    """Return `value` as a contiguous, aligned float64 array; not copied where it is one already."""
+    """Return `value` as a contiguous, aligned float64 array, without a copy if possible."""
     return in_double(as_reals(name, value))
 
 
@@ -48,12 +48,12 @@ def finite_points(name: str, value: object) -> FloatArray:
 
 
 def in_double(array: RealArray) -> FloatArray:
-    """Return `array` as float64; not copied where it is that already."""
+    """Return `array` as float64, without a copy if possible."""
     return array.astype(np.float64, copy=False)
 
 
 def as_array(name: str, value: ArrayLike) -> NDArray[Any]:
-    """Return `value` as an array of whatever it holds."""
+    """Return `value` as an array of its own type."""
     if type(value) is np.ndarray:
         return value
     _check_lists(name, value)
@@ -70,7 +70,7 @@ def as_array(name: str, value: ArrayLike) -> NDArray[Any]:
 
 
 def _check_lists(name: str, value: object) -> None:
-    """Refuse masked arrays, also within lists, and lists that NumPy would never find the end of."""
+    """Raise for masked arrays, also within lists, and for lists that are nested too deeply."""
     items: Any = (value,)
     for _ in range(_DEEPEST):
         kinds = set(map(type, items))
@@ -84,7 +84,7 @@ def _check_lists(name: str, value: object) -> None:
 
 
 def as_reals(name: str, value: ArrayLike, remedy: str = "give an array of real numbers") -> RealArray:
-    """Return `value` as a contiguous, aligned float32 or float64 array; not copied where it is one."""
+    """Return `value` as a contiguous, aligned float32 or float64 array, without a copy if possible."""
     array = as_array(name, value)
     if array.dtype.kind not in "fiub":
         got = show(value) if array.ndim == 0 else f"an array of {array.dtype}"
@@ -103,14 +103,14 @@ def as_reals(name: str, value: ArrayLike, remedy: str = "give an array of real n
 
 
 def real_points(name: str, value: object) -> RealArray:
-    """Return `value` as (n,3) float32 or float64: an array, or the points of another's cloud or of a file."""
+    """Return `value` as (n,3) float32 or float64: an array, or the points of a foreign cloud or a file."""
     parts = None if type(value) is np.ndarray and value.dtype.names is None else cloud_parts(name, value)
     given: Any = value if parts is None else parts.points
     return _with_three_columns(name, as_reals(name, given, ACCEPTED))
 
 
 def real_normals(name: str, value: ArrayLike) -> RealArray:
-    """Return `value` as (n,3) float32 or float64; not the points of a cloud or of a file."""
+    """Return `value` as (n,3) float32 or float64; clouds and files are not accepted."""
     return _with_three_columns(name, as_reals(name, value, "give (n,3) real numbers, one normal per point"))
 
 
@@ -126,7 +126,7 @@ def _with_three_columns(name: str, array: RealArray) -> RealArray:
 
 
 def real_vector(name: str, value: ArrayLike, rows: int | None) -> RealArray:
-    """Return `value` as (n,) float32 or float64 with n = `rows`, where that is known."""
+    """Return `value` as (n,) float32 or float64, with n = `rows` if `rows` is known."""
     array = as_reals(name, value)
     if array.ndim != 1 or (rows is not None and len(array) != rows):
         expected = "(n,)" if rows is None else f"({rows},)"
@@ -206,7 +206,7 @@ def as_faces(name: str, value: ArrayLike) -> IndexArray:
 
 
 def as_colors(value: object, count: int) -> NDArray[np.uint8] | None:
-    """Return colours of so many points as bytes, from bytes or shares of one; None if they are neither."""
+    """Return the colours of a number of points as bytes, from bytes or fractions; None for other values."""
     try:
         colors = np.asarray(as_host_array("colors", value))
     except Exception:  # noqa: BLE001 - whatever the object's own conversion raises

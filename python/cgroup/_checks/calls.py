@@ -37,7 +37,7 @@ _OTHER_WORDS = {
 
 
 def explain_wrong_calls(function: _Function, *, too_many: str = "") -> _Function:
-    """Refuse an unknown option, and arguments by position that are options, with an `InputError`.
+    """Raise `InputError` for an unknown option, and for options given by position.
 
     Other errors of a call remain Python's `TypeError`. `too_many` is the remedy for too many arguments.
     """
@@ -64,7 +64,7 @@ def refuse_too_many(meant: str) -> Callable[[_Function], _Function]:
 def bind_arguments(
     function: Callable[..., Any], parameters: Signature, given: tuple[Any, ...], named: dict[str, Any]
 ) -> dict[str, Any]:
-    """Return the arguments of a call by name, defaults included; refuse as `explain_wrong_calls` does."""
+    """Return the arguments of a call by name, defaults included; raise as `explain_wrong_calls` does."""
     try:
         bound = parameters.bind(*given, **named)
     except TypeError:
@@ -104,6 +104,6 @@ def unknown_option(called: str, name: str, known: Collection[str], own: Collecti
 
 
 def _guess_option(name: str, choices: Collection[str]) -> str | None:
-    """Return the option that is called so elsewhere, or resembles a wrong name; None for none."""
+    """Return the option of that name in other libraries, or the most similar one; None if there is none."""
     elsewhere = _OTHER_WORDS.get(name)
     return elsewhere if elsewhere in choices else guess_word(name, choices, 0.7)

@@ -1,4 +1,4 @@
-"""Recognise other libraries' clouds and arrays by duck typing, without importing them, and paths of files.
+"""Recognize paths of files, and clouds and arrays of other libraries by duck typing without imports.
 
 Each reader looks for the attributes of one kind of object and returns its parts unchanged; the caller checks
 them like any other array. NumPy gets an object that no reader knows.
@@ -23,7 +23,7 @@ ACCEPTED = (
 
 
 class CloudParts(NamedTuple):
-    """What a foreign cloud consists of, unchecked: (n,3) points, normals, triangles as rows of the points."""
+    """Unchecked parts of a foreign cloud: (n,3) points, normals, triangles as rows of the points."""
 
     points: Any
     normals: Any = None
@@ -50,7 +50,7 @@ def cloud_parts(name: str, value: Any) -> CloudParts | None:  # noqa: ANN401 - w
             parts = read(name, value)
         except (InputError, MemoryError):
             raise
-        except Exception:  # noqa: BLE001, S112 - attributes may raise as they like; NumPy is asked at last
+        except Exception:  # noqa: BLE001, S112 - attributes may raise anything; NumPy is tried last
             continue
         if parts is not None:
             return parts
@@ -74,7 +74,7 @@ def as_host_array(name: str, value: Any) -> Any:  # noqa: ANN401 - whatever is p
 
 
 def _parts_of_columns(name: str, columns: Iterable[Any], column: Callable[[Any], Any]) -> CloudParts:
-    """Return points, and normals if there are some, from columns with names."""
+    """Return the points, and the normals if any, from named columns."""
     keys = list(columns)
     named: dict[str, list[Any]] = {}
     for key in keys:
@@ -126,7 +126,7 @@ def _read_tensor_cloud(_name: str, value: Any) -> CloudParts | None:  # noqa: AN
 
 
 def _entry(table: Any, key: str) -> Any:  # noqa: ANN401
-    """Return an entry of Open3D's maps of tensors, which have no `get`; None where there is none."""
+    """Return an entry of Open3D's tensor map, which has no `get`; None if the entry is missing."""
     return table[key] if key in table else None  # noqa: SIM401
 
 
@@ -173,7 +173,7 @@ def _read_attributes(_name: str, value: Any) -> CloudParts | None:  # noqa: ANN4
 
 
 def _stored_normals(value: Any) -> Any:  # noqa: ANN401
-    """Return normals that are stored with points; those of meshes follow from their faces."""
+    """Return the stored normals of points; normals of meshes are computed from the faces instead."""
     stored = getattr(value, "normals", None)
     if stored is None and "Normals" in (getattr(value, "point_data", None) or ()):
         stored = value.point_data["Normals"]
@@ -184,7 +184,7 @@ def _triangles(value: Any) -> Any:  # noqa: ANN401
     for name in ("faces", "triangles", "regular_faces"):
         try:
             faces = np.asarray(getattr(value, name))
-        except Exception:  # noqa: BLE001, S112 - a mesh of other polygons says so in its own way
+        except Exception:  # noqa: BLE001, S112 - a mesh of other polygons raises its own error
             continue
         if faces.ndim == 2 and faces.shape[1] == 3 and faces.dtype.kind in "iu" and len(faces):
             return faces

@@ -1,4 +1,4 @@
-"""Functions that are loaded by name: those of higher rooms, when they are called first, and plug-ins."""
+"""Functions that are loaded by name: those of higher packages, on the first call, and plug-ins."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def call_hook(name: str, *arguments: Any) -> Any:  # noqa: ANN401 - types of the
 
 
 def load_plugin(what: str, reference: str) -> Any:  # noqa: ANN401 - whatever the name stands for
-    """Import what a reference names; errors call it by `what` it is to be, such as "data set"."""
+    """Import the object of a reference; `what` is its kind in error messages, such as "data set"."""
     module_name, _, attribute = as_word(what, reference).partition(":")
     if not all(part.isidentifier() for part in module_name.split(".")):
         raise InputError(what, remedy=f"{module_name!r} is no name of a module; write module:attribute")

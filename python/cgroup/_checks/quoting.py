@@ -8,16 +8,16 @@ _LONGEST = 160
 
 
 def show(value: object) -> str:
-    """Return the representation of a value, cut where it is long."""
+    """Return the representation of a value, truncated if it is long."""
     try:
         text = _REPR.repr(value)
-    except Exception:  # noqa: BLE001 - whatever the object raises, the message is about something else
+    except Exception:  # noqa: BLE001 - the message is about another error
         text = f"<{type(value).__name__}>"
     return cut(escape(" ".join(text.split())))
 
 
 def escape(text: str) -> str:
-    """Return a text with escapes in place of what can't be printed, such as newlines and lone surrogates."""
+    """Return a text with unprintable characters escaped, such as newlines and lone surrogates."""
     if text.isprintable():
         return text
     return "".join(
@@ -26,7 +26,7 @@ def escape(text: str) -> str:
 
 
 def cut(text: str) -> str:
-    """Return the beginning of a text that is long."""
+    """Return a text, truncated if it is long."""
     return text if len(text) <= _LONGEST else text[: _LONGEST - 3] + "..."
 
 

@@ -1,4 +1,4 @@
-"""Validate arguments that are not arrays: numbers, flags, choices, paths, and how a computation is to run.
+"""Validate arguments that are not arrays: numbers, flags, choices, paths, and run options.
 
 A number is a `numbers.Real` and no truth value, a count a `numbers.Integral` and no truth value: NumPy's
 scalars, arrays of no axes and fractions are numbers; arrays of one element, strings and `decimal.Decimal` are
@@ -39,7 +39,7 @@ def as_count(name: str, value: object, least: int, remedy: str | None = None) ->
 
 
 def as_index(name: str, value: object, count: int, what: str) -> int:
-    """Return the number of one of so many, counted from 0."""
+    """Return an index below a count, counted from 0."""
     number = as_count(name, value, 0)
     if number >= count:
         raise InputError(name, str(number), f"give a number below {count}, the count of {what}")
@@ -72,7 +72,7 @@ def as_number(name: str, value: object, remedy: str = "give a number") -> float:
 
 
 def _unwrap(value: object) -> object:
-    """Return what an array without axes holds, such as a number from an NPZ file; anything else as it is."""
+    """Return the item of an array without axes, such as a number from an NPZ file; other values unchanged."""
     return value[()] if type(value) is np.ndarray and value.ndim == 0 else value
 
 
@@ -85,7 +85,7 @@ def as_length(name: str, value: object) -> float:
 
 
 def as_scale(name: str, value: object) -> tuple[float, float] | None:
-    """Return the bounds of a scale; None where it is known."""
+    """Return the bounds of the scale; None if the scale is known."""
     if isinstance(value, bool | np.bool_):
         return (0.0, np.inf) if value else None
     remedy = "give True, or the least and the greatest scale that may be"
@@ -115,7 +115,7 @@ def as_choice(name: str, value: object, choices: Collection[str]) -> str:
 def refuse_word(
     name: str, value: object, choices: Collection[str], meant: str | None, otherwise: str = ""
 ) -> NoReturn:
-    """Raise the error for a word that is none of the choices, with a suggestion."""
+    """Raise for a word that is not among the choices, with a suggestion."""
     guess = f"; did you mean {meant!r}?" if meant else ""
     raise refusal(name, value, f"choose one of {', '.join(choices)}{otherwise}{guess}")
 
@@ -132,21 +132,21 @@ def guess_word(value: object, choices: Collection[str], likeness: float = 0.6) -
 
 
 def as_word(name: str, value: object) -> str:
-    """Return a text that can be printed."""
+    """Return a printable text."""
     if not isinstance(value, str) or not value.isprintable():
         raise refusal(name, value, "give a text without control characters")
     return value
 
 
 def as_function(name: str, value: object, takes: str) -> Callable[..., Any]:
-    """Return what can be called."""
+    """Return a callable."""
     if not callable(value):
         raise refusal(name, value, f"give a function that takes {takes}")
     return value
 
 
 def as_instance(name: str, value: object, kind: type[_Kind]) -> _Kind:
-    """Return an object of a class."""
+    """Return an instance of a class."""
     if not isinstance(value, kind):
         article = "an" if kind.__name__[0] in "AEIOU" else "a"
         raise refusal(name, value, f"give {article} {kind.__name__}")
@@ -154,7 +154,7 @@ def as_instance(name: str, value: object, kind: type[_Kind]) -> _Kind:
 
 
 def as_items(name: str, value: Any, remedy: str) -> list[Any]:  # noqa: ANN401 - whatever can be iterated
-    """Return what an iterable holds."""
+    """Return the items of an iterable."""
     try:
         return list(value)
     except Exception as error:
@@ -204,7 +204,7 @@ def run_options(
     progress: Callable[[float], Any] | None = None,
     max_seconds: float | None = None,
 ) -> RunOptions:
-    """Check how a computation is to run."""
+    """Check the run options of a computation."""
     if progress is not None:
         as_function("progress", progress, "the share of the work done")
     seconds = None if max_seconds is None else as_length("max_seconds", max_seconds)

@@ -1,4 +1,4 @@
-"""Why each match was kept or dropped: by which rule of the method, and how it stands to the others."""
+"""Explanations why each match was kept or dropped: the rule of the method, and the other matches."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["explain_match", "explain_matches"]
 
 
 def explain_match(grouping: Grouping, index: int) -> Explanation:
-    """Explain one match: what `Grouping.explain` does."""
+    """Explain one match, for `Grouping.explain`."""
     row, count = as_count("index", index, 0), len(grouping.mask)
     if row >= count:
         known = f"there are {count}, from 0 to {count - 1}" if count else "there are none"
@@ -26,7 +26,7 @@ def explain_match(grouping: Grouping, index: int) -> Explanation:
 
 
 def explain_matches(grouping: Grouping, rows: Iterable[int]) -> list[Explanation]:
-    """Explain the matches of some rows, with what they have in common computed once."""
+    """Explain the matches of some rows; common facts are computed once."""
     facts = Facts(grouping)
     return [_explain(facts, row) for row in rows]
 

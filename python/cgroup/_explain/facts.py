@@ -1,4 +1,4 @@
-"""What is known of a group and its matches, computed once for all that are explained."""
+"""Facts about a group and its matches, computed once for all explanations."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _NOTES = {
 
 
 class Facts:
-    """A group, its rule, the points of all matches, and what follows from them."""
+    """A group, its rule, the points of all matches, and derived values."""
 
     def __init__(self, grouping: Grouping) -> None:
         self.grouping = grouping
@@ -37,7 +37,7 @@ class Facts:
 
     @cached_property
     def agreement(self) -> Agreement:
-        """When two matches keep their distance: by the method's own rule, or by a stated one."""
+        """Criterion for two matches that preserve their distance: the method's own, or the default."""
         if self.rule is not None and self.rule.agreement is not None:
             return self.rule.agreement
         if self.resolution is None:
@@ -46,7 +46,7 @@ class Facts:
 
     @cached_property
     def agreement_text(self) -> str:
-        """The same in words."""
+        """The criterion in words."""
         bound, is_own = self.agreement.bound, self.rule is not None and self.rule.agreement is not None
         shown = words.number(bound) if self.agreement.is_ratio else words.length(bound, self.resolution)
         note = _NOTES.get(self.rule.method, "") if self.rule is not None and is_own else ""
@@ -83,7 +83,7 @@ class Facts:
 
     @cached_property
     def _zero_lengths(self) -> tuple[float, float]:
-        assert self.points is not None  # noqa: S101 - ratios ask for it
+        assert self.points is not None  # noqa: S101 - needed for ratios
         source, target = (_ZERO_EDGE * float(np.linalg.norm(np.ptp(side, axis=0))) for side in self.points)
         return source, target
 
@@ -95,13 +95,13 @@ class Facts:
         return ds, dt
 
     def ratios(self, ds: FloatArray, dt: FloatArray) -> FloatArray:
-        """Return ``min(ds/dt, dt/ds)``, 0 where two share a point."""
+        """Return ``min(ds/dt, dt/ds)``, 0 for two matches with a common point."""
         longer = np.maximum(ds, dt)
         ratio = np.divide(np.minimum(ds, dt), longer, out=np.zeros_like(longer), where=longer > 0.0)
         return np.where((ds <= self._zero_lengths[0]) | (dt <= self._zero_lengths[1]), 0.0, ratio)
 
     def agreeing(self, i: int) -> BoolArray | None:
-        """Which others keep their distance to a match."""
+        """Mask of the other matches that preserve their distance to a match."""
         if self.points is None:
             return None
         rule, (ds, dt) = self.agreement, self.edges(i)

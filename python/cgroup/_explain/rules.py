@@ -1,4 +1,4 @@
-"""How each match stands to the rule by which its group was selected, in words."""
+"""Explanations in words: each match against the rule that selected its group."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from cgroup.types import Rule
 
 @dataclass(frozen=True)
 class Verdict:
-    """Why a match was kept or dropped, and by which cut."""
+    """The reason why a match was kept or dropped, and the threshold."""
 
     reason: str
     remedy: str = ""
@@ -25,12 +25,12 @@ class Verdict:
 
 
 def judge(facts: Facts, i: int) -> Verdict:
-    """Return why a match was kept or dropped."""
+    """Return the reason why a match was kept or dropped."""
     return _by_nobody(facts, i) if facts.rule is None else _WORDINGS[facts.rule.kind](facts, facts.rule, i)
 
 
 def _by_nobody(facts: Facts, i: int) -> Verdict:
-    """Return what is known of a method of one's own."""
+    """Return the known facts for a user's own method."""
     grouping = facts.grouping
     if grouping.scores is None:
         what = "selected it" if grouping.mask[i] else "left it out"
@@ -59,7 +59,7 @@ def _by_score(facts: Facts, rule: Rule | None, i: int) -> Verdict:
     kept, score, cut = bool(facts.grouping.mask[i]), float(_scores(facts)[i]), facts.grouping.threshold
     if score == -np.inf:
         return Verdict("it has no descriptor, so that its similarity is -inf", threshold=cut)
-    if cut is None:  # Otsu finds none where all scores are alike, and GTM seeks none where no two agree
+    if cut is None:  # Otsu has no threshold for equal scores, GTM none without agreeing matches
         if rule is not None and rule.method == "gtm" and not kept:
             return Verdict("no two matches earn anything together, so that none was kept")
         outcome = "above 0, so that all were kept" if kept else "not above 0, so that none was kept"
@@ -144,7 +144,7 @@ def _by_conflict(facts: Facts, rule: Rule, i: int) -> Verdict:
 
 
 def _by_star(facts: Facts, rule: Rule, i: int) -> Verdict:
-    """GC: how well it keeps its distance to the seed."""
+    """GC: the change of the distance to the seed."""
     scores, seed = _scores(facts), _decider(rule, i)
     own = words.number(float(scores[i]))
     if seed == i:
@@ -160,7 +160,7 @@ def _by_star(facts: Facts, rule: Rule, i: int) -> Verdict:
 
 
 def _by_grown_set(facts: Facts, rule: Rule, i: int) -> Verdict:
-    """GC as in PCL: a set whose members all agree, filtered by RANSAC."""
+    """GC as in PCL: a set with pairwise agreement, filtered by RANSAC."""
     mask, agreeing = facts.grouping.mask, facts.agreeing(i)
     if not mask.any():
         return Verdict(f"no set of more than {_bound(rule):g} matches keeps all its distances and has a pose")
@@ -176,7 +176,7 @@ def _by_grown_set(facts: Facts, rule: Rule, i: int) -> Verdict:
 
 
 def _by_largest(facts: Facts, _rule: Rule, i: int) -> Verdict:
-    """CLIPPER: the greatest entries, as many as the set has members."""
+    """CLIPPER: the k greatest entries, where k is the size of the set."""
     scores, mask = _scores(facts), facts.grouping.mask
     if not mask.any():
         return Verdict("no three matches that all agree fix a pose, so that none was kept")
@@ -189,7 +189,7 @@ def _by_largest(facts: Facts, _rule: Rule, i: int) -> Verdict:
 
 
 def _by_vote(facts: Facts, rule: Rule, i: int) -> Verdict:
-    """3DHV: how far a match votes from the fullest bin, or from the group."""
+    """3DHV: the distance of a match's vote from the fullest bin, or from the group."""
     votes, mask = rule.votes, facts.grouping.mask
     assert votes is not None  # noqa: S101 - of 3DHV
     if not np.isfinite(votes[i]).all():
@@ -212,7 +212,7 @@ def _steps(steps: FloatArray) -> str:
 
 
 def _beside_the_maximum(facts: Facts, rule: Rule, votes: FloatArray, i: int) -> str:
-    """As in PCL: the voters of each local maximum are filtered by RANSAC, and the largest set wins."""
+    """As in PCL: RANSAC filters the voters of each local maximum, and the largest set is selected."""
     mask = facts.grouping.mask
     if not mask.any():
         return "no maximum of the votes has voters whom one pose fits"

@@ -1,1 +1,1 @@
-"""Running computations: memory, progress, worker threads, interrupts, plug-ins, files of SQLite."""
+"""Tools for computations: memory, progress, worker threads, interrupts, plug-ins, SQLite files."""

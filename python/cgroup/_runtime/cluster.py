@@ -1,4 +1,4 @@
-"""Reach a Dask cluster, and work on it."""
+"""Connect to a Dask cluster, and run tasks on it."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ _LOGGERS = ("distributed", "distributed.client", "tornado", "tornado.application
 
 
 class WorkersDiedError(Exception):
-    """A task has ended several workers, one after the other."""
+    """Raised if a task has killed several workers in a row."""
 
 
 @contextmanager
 def reach_cluster(scheduler: object, threads: int = 1) -> Generator[Any, None, None]:
-    """Return the client of a cluster: the one given, or one by the scheduler's address.
+    """Return the client of a cluster: the given one, or a new one for the scheduler's address.
 
-    `LOCAL` starts one in this process, with so many threads. A client that is given stays open.
+    `LOCAL` starts one in this process, with this number of threads. A given client stays open.
     """
     try:
         from distributed import Client  # noqa: PLC0415 - optional
@@ -49,7 +49,7 @@ def reach_cluster(scheduler: object, threads: int = 1) -> Generator[Any, None, N
                 address: Any = opened.enter_context(_local_cluster(threads))
             else:
                 address = scheduler
-                get_address_host_port(address)  # else the client, which can't read it, hangs at its end
+                get_address_host_port(address)  # a client with an invalid address hangs when it is closed
             client = opened.enter_context(Client(address, set_as_default=False))
         except (OSError, ValueError) as error:
             raise InputError("scheduler", repr(scheduler), f"it can't be reached: {error}") from error
@@ -58,7 +58,7 @@ def reach_cluster(scheduler: object, threads: int = 1) -> Generator[Any, None, N
 
 @contextmanager
 def _local_cluster(threads: int) -> Generator[Any, None, None]:
-    """Start a cluster that communicates within the process: a port would let any local process run code."""
+    """Start a cluster within the process; with an open port, any local process could run code."""
     from distributed import LocalCluster  # noqa: PLC0415 - optional
 
     nowhere = "127.0.0.1:0"  # Dask opens ports for HTTP even without a dashboard
@@ -88,10 +88,10 @@ def work_on_cluster(
     tasks: Iterable[_Task],
     if_lost: str,
 ) -> Generator[tuple[_Task, Any], None, None]:
-    """Hand out tasks as workers become free; yield each with its result once it is ready.
+    """Submit tasks as workers become free; yield each finished task with its result.
 
     `submit` gives a task to the client and returns the future. A task that has ended several workers has a
-    `WorkersDiedError` as its result. What is under way, or has failed, is cancelled at the end.
+    `WorkersDiedError` as its result. Running and failed tasks are cancelled at the end.
     """
     from distributed import KilledWorker, as_completed  # noqa: PLC0415 - optional
 
@@ -101,7 +101,7 @@ def work_on_cluster(
     try:
         while True:
             with _report_lost_scheduler(if_lost):
-                # As many tasks as the workers that are there now can take.
+                # As many tasks as the current workers can run.
                 threads = max(sum(client.nthreads().values()), 1)
                 for task in itertools.islice(waiting, max(0, _PER_THREAD * threads - len(under_way))):
                     future = submit(task)
@@ -130,7 +130,7 @@ def work_on_cluster(
 
 @contextmanager
 def _hold_back_logs() -> Generator[None, None, None]:
-    """Keep Dask from printing tracebacks of errors that are reported here."""
+    """Suppress Dask's tracebacks of errors that are reported here."""
     loggers = [logging.getLogger(name) for name in _LOGGERS]
     before = [(logger, logger.handlers[:], logger.propagate) for logger in loggers]
     for logger in loggers:
@@ -149,5 +149,5 @@ def _report_lost_scheduler(remedy: str) -> Generator[None, None, None]:
     try:
         yield
     except (OSError, CancelledError) as error:
-        reason = getattr(error, "reason", error)  # a cancelled future tells more, in several lines
+        reason = getattr(error, "reason", error)  # a cancelled future has a reason of several lines
         raise InputError("scheduler", remedy=f"the connection is lost ({reason}); {remedy}") from error

@@ -1,4 +1,4 @@
-"""Ctrl-C while modules load and while Python exits.
+"""Handling of Ctrl-C while modules are loaded and while Python exits.
 
 An interrupt then ends the command in one line with its exit status. Loading the command line takes some
 tenths of a second, before `cgroup.cli` can catch anything. A library import and worker processes keep
@@ -28,11 +28,11 @@ _SECONDS_UNTIL_AGAIN = 0.01  # after which a signal that came where it couldn't 
 
 
 def watch_for_interrupts() -> None:
-    """Let Ctrl-C end this process in good order from now on, if it is the command line; call it once."""
+    """Install the Ctrl-C handlers of the command line; does nothing in other programs. Call it once."""
     leave_when_interrupted()
     if signal.getsignal(signal.SIGINT) is _leave:
         sys.unraisablehook = _send_again_or_print
-        # Runs after everything else that is to run at exit; afterwards Ctrl-C would kill what is done.
+        # Runs after all other exit handlers; afterwards Ctrl-C would kill a finished process.
         atexit.register(_on_interrupt, signal.SIG_IGN)
 
 
@@ -43,13 +43,13 @@ def leave_when_interrupted() -> None:
 
 
 def raise_when_interrupted() -> None:
-    """Let Ctrl-C raise `KeyboardInterrupt` again."""
+    """Make Ctrl-C raise `KeyboardInterrupt` again."""
     if signal.getsignal(signal.SIGINT) is _leave:
         _on_interrupt(_raise)
 
 
 def once_loaded(handle: Callable[[int, FrameType | None], None]) -> Handler:
-    """Let a handler that raises wait until no compiled module is being loaded.
+    """Delay a handler that raises until no compiled module is being loaded.
 
     One that is cut short may turn the interrupt into an `ImportError`, and abort the process at its end.
     """
@@ -65,7 +65,7 @@ def once_loaded(handle: Callable[[int, FrameType | None], None]) -> Handler:
 
 
 def was_interrupted() -> bool:
-    """Whether an interrupt was raised, even if compiled code has made another error of it."""
+    """Return whether an interrupt was raised, even if compiled code has replaced it by another error."""
     return bool(_handled)
 
 
@@ -93,7 +93,7 @@ def _loads_compiled_module(frame: FrameType | None) -> bool:
 
 
 def _send_again_or_print(lost: sys.UnraisableHookArgs) -> None:
-    """Print an error that a callback couldn't raise, unless it is an interrupt, which comes again."""
+    """Print an error that a callback could not raise; send an interrupt again."""
     if issubclass(lost.exc_type, KeyboardInterrupt):
         _send_again(signal.SIGINT)
     else:

@@ -1,4 +1,4 @@
-"""Default memory limit of pairwise matrices, and errors where the system refuses memory."""
+"""Default memory limit of pairwise matrices, and errors for failed allocations."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ else:
     import resource
 
 MOST = 3 << 29  # a dense matrix never takes more than 1.5 GiB by default
-SHARE_OF_FREE = 4  # and at most one part in four of what is free
+SHARE_OF_FREE = 4  # and at most one part in four of the free memory
 UNKNOWN_FREE = 4 << 30  # bytes assumed free where the system does not report them
-# Bytes that a problem gets without a look at what is free, which takes longer than to solve it
+# Bytes of a problem so small that a check of the free memory would take longer than its solution
 SMALL = 32 << 20
 _LARGEST_PAIR = 40  # bytes per pair of correspondences that suffice for the most demanding method
 _LINEAR_ALGEBRA = 128 << 20  # bytes of address space that suffice for the buffer of any build of OpenBLAS
@@ -32,7 +32,7 @@ CONTROL_GROUPS = Path("/sys/fs/cgroup")  # mount point of control groups
 
 
 def reserve_linear_algebra() -> None:
-    """Have OpenBLAS take its buffer now: where it gets none later, it ends the process."""
+    """Allocate OpenBLAS's buffer now; OpenBLAS ends the process if a later allocation fails."""
     try:
         mmap.mmap(-1, _LINEAR_ALGEBRA).close()
     except (OSError, MemoryError) as error:
@@ -45,7 +45,7 @@ def reserve_linear_algebra() -> None:
 
 @contextmanager
 def report_refused_memory() -> Generator[None, None, None]:
-    """Raise `OutOfMemoryError` in place of NumPy's and Python's own errors of memory."""
+    """Raise `OutOfMemoryError` in place of the memory errors of NumPy and Python."""
     try:
         yield
     except OutOfMemoryError:
@@ -58,13 +58,13 @@ def report_refused_memory() -> Generator[None, None, None]:
 
 
 def max_memory_for(correspondences: int) -> int:
-    """Bytes that a pairwise matrix of so many correspondences may take."""
+    """Return the bytes that a pairwise matrix of a number of correspondences may take."""
     small = _LARGEST_PAIR * correspondences**2 <= SMALL
     return SMALL if small else default_max_memory()
 
 
 def default_max_memory() -> int:
-    """Bytes that a pairwise matrix may take: a quarter of what is free, at most 1.5 GiB."""
+    """Return the limit of a pairwise matrix in bytes: a quarter of the free memory, at most 1.5 GiB."""
     free = min(_free_on_machine(), _free_address_space(), _free_in_groups())
     return min(MOST, max(free, 0) // SHARE_OF_FREE)
 
@@ -109,7 +109,7 @@ def _free_in_group(folder: Path) -> int:
 
 
 def _number_in(path: Path, name: str) -> int | None:
-    """Return the number after a name in a file of the system, if it is there."""
+    """Return the number after a name in a system file; None if it is missing."""
     with suppress(OSError, ValueError):
         for line in path.read_text(encoding="ascii").splitlines():
             if line.split()[:1] == [name]:

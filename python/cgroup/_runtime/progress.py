@@ -1,4 +1,4 @@
-"""Progress of a computation: stage times and callbacks."""
+"""Progress of a computation: times of stages, and callbacks."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from cgroup._checks.values import as_function
 
 
 def ignore_progress(*_: object) -> None:
-    """Do nothing; stands for a progress callback that was not given."""
+    """Do nothing; replaces a missing progress callback."""
 
 
 def as_stage_function(progress: object) -> Callable[[str], Any]:
-    """Return the callback that gets the name of each stage; one that does nothing for None."""
+    """Return a callback for the names of stages; for None, one that does nothing."""
     return ignore_progress if progress is None else as_function("progress", progress, "the name of a stage")
 
 
 class StageClock:
-    """Takes the time of stages and passes on their names."""
+    """Measures the times of stages, and passes their names to a callback."""
 
     def __init__(self, progress: Callable[[str], Any] = ignore_progress) -> None:
         self.seconds: dict[str, float] = {}  # wall time of each stage that has ended, summed up
@@ -28,7 +28,7 @@ class StageClock:
         self._since = 0.0
 
     def start(self, stage: str) -> None:
-        """End the stage before, and begin this one."""
+        """End the previous stage, and begin this one."""
         self.stop()
         self._progress(stage)
         self._stage, self._since = stage, time.perf_counter()

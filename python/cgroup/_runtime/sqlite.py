@@ -1,4 +1,4 @@
-"""Open SQLite files, make missing ones, and reject foreign ones."""
+"""Open SQLite files, create missing files, and reject foreign ones."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _SECONDS_OF_OTHERS = 60  # for which another process may be at work on a file
 
 
 class Layout(NamedTuple):
-    """What a file holds: its `application_id`, its `user_version`, and the statements that make it."""
+    """Layout of a file: its `application_id`, its `user_version`, and the statements that create it."""
 
     application: int
     version: int
@@ -25,12 +25,12 @@ class Layout(NamedTuple):
 
 
 def is_empty(connection: sqlite3.Connection) -> bool:
-    """Tell whether there is nothing in a file."""
+    """Return whether a file is empty."""
     return connection.execute("select count(*) from sqlite_master").fetchone()[0] == 0
 
 
 def open_or_make(path: Path, layout: Layout, foreign: Exception) -> sqlite3.Connection:
-    """Open a file that may be written to; raise `foreign` for one of something else, and leave it alone.
+    """Open a file for writing; for a file of another program, raise `foreign` and leave it unchanged.
 
     Any thread may use the connection, one at a time.
     """

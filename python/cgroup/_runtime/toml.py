@@ -1,4 +1,4 @@
-"""The reader of TOML of the standard library, or its backport on Python 3.10."""
+"""The standard library's TOML parser, or its backport on Python 3.10."""
 
 import sys
 

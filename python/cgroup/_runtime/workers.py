@@ -1,4 +1,4 @@
-"""Run many single-threaded computations side by side."""
+"""Run many single-threaded computations in parallel."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING or sys.version_info >= (3, 12):
 else:
 
     class cached_property(functools.cached_property):  # noqa: N801 - as the standard library's
-        """`functools.cached_property` as of Python 3.12: before, all objects of a class wait for one."""
+        """`functools.cached_property` of Python 3.12; before, one lock blocks all objects of a class."""
 
         def __get__(self, instance: object, owner: type | None = None) -> object:
             if instance is None:
@@ -34,14 +34,14 @@ _Result = TypeVar("_Result")
 
 
 def count_workers(threads: int | None) -> int:
-    """Return how many computations to run at a time: as many as given, or one per core."""
+    """Return the number of parallel computations: the given number, or one per core."""
     return os.cpu_count() or 1 if threads is None else as_count("threads", threads, 1)
 
 
 def work_side_by_side(
     items: Iterable[_Item], work: Callable[[_Item, Callable[[], None]], _Result], workers: int
 ) -> list[_Result]:
-    """Work on all items, and return the results in their order; the first error ends the others.
+    """Process all items in parallel, and return the results in order; the first error ends the others.
 
     `work` takes an item, and a function to be called every now and then: it raises `InterruptedError` once
     another item has failed, or the user has interrupted.

@@ -1,1 +1,1 @@
-"""Showing results: figures and notebook tables."""
+"""Display of results: figures and notebook tables."""

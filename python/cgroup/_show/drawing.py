@@ -26,7 +26,7 @@ class Drawing:
     mask: BoolArray  # which are selected
     pose: FloatArray  # of the source in the target's frame; the identity if unknown
     correct: BoolArray | None  # which are correct, where that is known
-    grouping: Any  # what selected them, or None
+    grouping: Any  # the group, or None
     title: str
     is_placed: bool = False  # whether the pose is the result
 

@@ -1,4 +1,4 @@
-"""Results as small notebook tables in HTML and SVG, for light and dark pages."""
+"""Notebook tables of results in HTML and SVG, for light and dark pages."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _CELL = "text-align: left; padding: .1em .9em .1em 0; vertical-align: top; backg
 
 
 def result_table(title: str, share: float | None, rows: Iterable[tuple[str, str]]) -> str:
-    """Make a table: a title, a share of [0,1] as a bar beside it, and names and values.
+    """Return a table: a title, a bar for a fraction in [0,1], and names with values.
 
     Values are plain text, or what `pose_html` returned; rows without a value are left out.
     """
@@ -36,7 +36,7 @@ def _row(name: str, value: str) -> str:
 
 
 class _Html(str):
-    """A text that is HTML already."""
+    """A text in HTML."""
 
     __slots__ = ()
 

@@ -13,19 +13,19 @@ _NARROWEST = 12  # columns of a number of a pose
 
 
 def number(value: float) -> str:
-    """Write a number in three digits, or a whole one in all."""
+    """Format a number with three digits, or an integer with all."""
     if float(value).is_integer() and abs(value) < 1e6:
         return f"{value:.0f}"
     return f"{value:.{_FEWEST_DIGITS}g}"
 
 
 def counted(count: int, noun: str) -> str:
-    """Write "1 scan", "3 scans"."""
+    """Format a count with its noun: "1 scan", "3 scans"."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
 def told_apart(one: float, other: float) -> tuple[str, str]:
-    """Write two numbers, which differ, in as many digits as show it."""
+    """Format two different numbers with as many digits as needed to distinguish them."""
     digits = _FEWEST_DIGITS
     while digits < _MOST_DIGITS and one != other and f"{one:.{digits}g}" == f"{other:.{digits}g}":
         digits += 1
@@ -33,7 +33,7 @@ def told_apart(one: float, other: float) -> tuple[str, str]:
 
 
 def lengths(one: float, other: float, resolution: float | None) -> tuple[str, str]:
-    """Write two lengths: in resolutions where that unit is known."""
+    """Format two lengths, in resolutions if that unit is known."""
     if resolution is None or not resolution > 0.0:
         return told_apart(one, other)
     texts = told_apart(one / resolution, other / resolution)
@@ -41,18 +41,18 @@ def lengths(one: float, other: float, resolution: float | None) -> tuple[str, st
 
 
 def length(value: float, resolution: float | None) -> str:
-    """Write one length."""
+    """Format one length."""
     return lengths(value, value, resolution)[0]
 
 
 def one_of(count: int, whole: str, total: int) -> str:
-    """Write "none of the 41 others", "3 of the 41 others", "all of the 41 others"."""
+    """Format a part: "none of the 41 others", "3 of the 41 others", "all of the 41 others"."""
     some = "all" if count == total and total else str(count or "none")
     return f"{some} of {whole.format(total)}"
 
 
 def pose_lines(pose: ArrayLike, middle: ArrayLike | None = None, extent: float | None = None) -> list[str]:
-    """Write a (4,4) transform row by row.
+    """Format a (4,4) transform row by row.
 
     The decimals move points with this mean to within 1e-9 of `extent`, the diagonal of their box; without one
     numbers are exact.
@@ -72,12 +72,12 @@ def pose_lines(pose: ArrayLike, middle: ArrayLike | None = None, extent: float |
 
 
 def _decimals(ratio: float) -> int | None:
-    """Return how many decimals make rounding, of which one is allowed in so many units, small enough."""
+    """Return the number of decimals at which the rounding error is small enough."""
     return max(0, math.ceil(math.log10(ratio))) if 0 < ratio < math.inf else None
 
 
 def _show(number: float, decimals: int | None) -> str:
-    """Write a number as short as it is exact, or with so many decimals at most."""
+    """Format a number with the shortest exact notation, or with a maximum number of decimals."""
     if decimals is None or not math.isfinite(number):
         return repr(float(number)).removesuffix(".0")
     text = np.format_float_positional(number, precision=decimals, unique=True, trim="-")

@@ -2,7 +2,7 @@
 
 ==============  ================================================================================
 `config`        reads configurations from TOML: `read_config`, `parse_config`
-`run`           `run` computes the results that a folder lacks, and continues after a stop
+`run`           `run` computes the missing results of a folder, and continues after a stop
 `tables`        results as tables of pandas: `load`
 `report`        `write_report` writes one self-contained page about the results
 `pipelines`     built-in pipelines, and the answers of further ones: `Answer`, `SceneAnswer`

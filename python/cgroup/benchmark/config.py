@@ -103,7 +103,7 @@ class Config(Table):
 
 
 def preset_names() -> list[str]:
-    """Return the names of the configurations that come with the package."""
+    """Return the names of the package's configurations."""
     return sorted(
         file.name.removesuffix(".toml") for file in _PRESETS.iterdir() if file.name.endswith(".toml")
     )

@@ -70,7 +70,7 @@ class OutOfTimeError(WorkerError):
 
 
 class Worker:
-    """A process that calls functions, and is started again if it dies; it ends with this one.
+    """A process that calls functions; it is restarted if it dies, and ends with this process.
 
     The number of threads is set before any library loads. Where possible the process is restricted to a
     number of cores. Both may be `ALL_CORES`.
@@ -123,7 +123,7 @@ class Worker:
             timer.cancel()
 
     def close(self) -> None:
-        """End the process for good, with any call in another thread."""
+        """End the process permanently, including a call in another thread."""
         with self._lock:
             self._closed = True
             process = self._process
@@ -177,7 +177,7 @@ class Worker:
 def open_workers(
     backend: str, count: int | None, scheduler: str | None = None
 ) -> Generator[CallUnordered, None, None]:
-    """Start or reach workers: processes of this machine, a Dask cluster, or threads of this process.
+    """Start workers, or connect to them: processes of this machine, a Dask cluster, or threads.
 
     `count` is one per core by default; a cluster has its own. The scheduler's address is by default that of
     the environment. `InputError` is raised if the backend is unknown or missing, or the scheduler is lost.
@@ -253,7 +253,7 @@ def _open_threads(count: int, call: Callable[..., Any]) -> Generator[CallUnorder
 
 @contextmanager
 def _open_cluster(scheduler: str | None, count: int) -> Generator[CallUnordered, None, None]:
-    """Reach a cluster; arguments travel with their task, so that a lost worker loses none."""
+    """Connect to a cluster; each task contains its arguments, so a lost worker loses none."""
     address = scheduler or os.environ.get(SCHEDULER)
     if not address:
         remedy = f"needed by the dask backend; give its address, or set {SCHEDULER}"
@@ -279,7 +279,7 @@ _of_thread = threading.local()
 
 
 def _call_in_process(function: Callable[..., Any], limit: float | None, *arguments: object) -> Any:  # noqa: ANN401 - whatever it returns
-    """Call a function in a process beside this worker of a cluster; each of its threads has one."""
+    """Call a function in a child process of this cluster worker; each thread has its own child."""
     if not hasattr(_of_thread, "worker"):
         _of_thread.worker = Worker(threads=1)
     return _call_or_error(_of_thread.worker, function, limit, *arguments)
@@ -304,7 +304,7 @@ def make_ready(_function: Callable[..., Any]) -> None:
 
 
 def write_message(write: Callable[[memoryview], int | None], value: object) -> None:
-    """Pickle a value, and write it part by part."""
+    """Pickle a value, and write it in parts."""
     content = pickle.dumps(value, pickle.HIGHEST_PROTOCOL)
     rest = memoryview(_LENGTH.pack(len(content)) + content)
     while rest:
@@ -312,7 +312,7 @@ def write_message(write: Callable[[memoryview], int | None], value: object) -> N
 
 
 def read_message(read: Callable[[int], bytes | None]) -> bytes:
-    """Read the next pickle; raise `EOFError` if the other side is gone."""
+    """Read the next pickle; raise `EOFError` if the pipe is closed."""
     [length] = _LENGTH.unpack(_read_exactly(read, _LENGTH.size))
     return _read_exactly(read, length)
 
@@ -329,7 +329,7 @@ def _read_exactly(read: Callable[[int], bytes | None], length: int) -> bytes:
 
 
 def _take_pipes() -> tuple[int, int]:
-    """Move both pipes away from code that reads the standard input or prints."""
+    """Move both pipes to other descriptors, since functions may print or read standard input."""
     tasks, results = os.dup(0), os.dup(1)
     with open(os.devnull, "rb") as nothing:  # noqa: PTH123 - its number is needed
         os.dup2(nothing.fileno(), 0)
@@ -338,7 +338,7 @@ def _take_pipes() -> tuple[int, int]:
 
 
 def _read_tasks(tasks: int, waiting: queue.SimpleQueue[Any]) -> None:
-    """Pass tasks on; end the process when the pipe is closed, even during a task."""
+    """Forward tasks; end the process when the pipe is closed, even during a task."""
     try:
         while True:
             waiting.put(read_message(lambda length: os.read(tasks, length)))

@@ -115,7 +115,7 @@ class FrontEntry(Table):
     similarity: Literal["unit", "raw"] = "unit"
 
     def changes(self, detector: str, nuisance: str) -> str:
-        """Return the differences from the default as JSON with sorted keys; empty if there are none.
+        """Return the differences from the default as JSON with sorted keys; empty without differences.
 
         Radii of another detector are no difference, nor is the resolution before a nuisance if there is none.
         """
@@ -186,7 +186,7 @@ class PairSetEntry(UnrelatedSetEntry):
 
 
 class SceneSetEntry(SetEntry):
-    """Scans of all these places, mixed; drawn anew for each seed."""
+    """Scans of all these places, mixed; a new random set per seed."""
 
     task: ClassVar[Task] = "scenes"
     mirrored: bool = False
@@ -210,7 +210,7 @@ class GridEntry(Table):
         return self
 
     def recipes(self) -> list[Recipe]:
-        """List the combinations that have enough correct matches or none, small ones first."""
+        """List the combinations with enough correct matches or with none, small ones first."""
         kinds = itertools.product(
             sorted(self.n), self.inliers, self.noise, self.scene, self.frames, range(self.repeats)
         )
@@ -303,7 +303,7 @@ class TrialsEntry(Table):
 
 
 def _refuse_twins(sets: Sequence[SetEntry], solvers: Sequence[MethodEntry], what: str) -> list[str]:
-    """Raise where two sets have one id, or two solvers one label; return the labels."""
+    """Return the labels; raise if two sets have the same id, or two solvers the same label."""
     labels = [entry.solver().label for entry in solvers]
     checks = (("sets", [each.id for each in sets], "each an id"), (what, labels, "each variant a label"))
     for names, given, wanted in checks:

@@ -1,4 +1,4 @@
-"""Matching the clouds of a problem: by the paper's front end, with an experiment's changes, or by voxels."""
+"""Matching of a problem's clouds: by the paper's front end, with an experiment's changes, or by voxels."""
 
 import functools
 from collections.abc import Sequence
@@ -47,7 +47,7 @@ def forget_pairs() -> None:
 
 
 def match_problems(problems: Sequence[Problem], root: str | None) -> list[Matched | str]:
-    """Match problems, or return the error of each; a pair with several problems in a row is loaded once."""
+    """Match problems; return an error for each failed one. Consecutive problems of a pair load it once."""
     return [match_problem(problem, root) for problem in problems]
 
 
@@ -127,7 +127,7 @@ def add_normals(pair: MatchingPair, normals: Normals) -> tuple[PointCloud, Point
 
 
 def read_front(problem: Problem) -> FrontEntry:
-    """Return the changes of a problem to the front end."""
+    """Return the front-end changes of a problem."""
     return FrontEntry.model_validate_json(problem.front or "{}")
 
 
@@ -171,7 +171,7 @@ def _match_clouds(problem: Problem, loaded: LoadedProblem) -> Correspondences:
 
 
 def _describe(cloud: PointCloud, viewpoint: Viewpoint, voxel: float, *, unit_length: bool) -> DescribedCloud:
-    """Describe every voxel of a cloud; normals point to the side of the cloud's own, if it has some."""
+    """Describe every voxel of a cloud; normals point to the side of the cloud's own normals, if any."""
     downsampled, points, values = describe_voxels(cloud.points, viewpoint, voxel, normals=cloud.normals)
     radius = DenseFront.frame_radius * voxel
     frames = features.shot_lrf(downsampled, np.arange(len(points)), radius=radius)

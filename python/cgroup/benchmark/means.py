@@ -45,7 +45,7 @@ def aggregate(
     Raises
     ------
     KeyError
-        For results that lack a column.
+        For results without a required column.
 
     Examples
     --------
@@ -98,7 +98,7 @@ def exponents(timing: pd.DataFrame, *, threads: int = 1, least: int = FITTED_FRO
     Raises
     ------
     KeyError
-        For times that lack a column.
+        For times without a required column.
 
     Examples
     --------

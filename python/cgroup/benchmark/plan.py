@@ -53,7 +53,7 @@ class DatasetFacts:
 class PlannedSet:
     """A set of problems in the order of the work, and its solvers, each run on all problems.
 
-    Each solver is run on each number of `threads`; 0 stands for all cores. Groups are scored at `epsilons`.
+    Each solver is run with each number of `threads`; 0 means all cores. Groups are scored at `epsilons`.
     A solver is stopped after `limit` seconds.
     """
 
@@ -76,7 +76,7 @@ class Plan:
 
 
 def make_plan(config: Config, root: Path | None) -> Plan:
-    """List the problems of a configuration, without reading clouds.
+    """List the problems of a configuration without reading clouds.
 
     Missing data sets and pipelines are left out and named in `missing`. Raises `InputError` if all data sets
     are missing, a named pair doesn't exist, or a set doesn't fit its data.
@@ -126,7 +126,7 @@ class _OpenDatasets:
         return not self.missing.keys() & set(names)
 
     def draw_pairs(self, entry: PairsEntry, name: str, seed: int) -> list[str]:
-        """Return pairs of a data set that have all files, in its order unless they are named.
+        """Return the complete pairs of a data set, in its order unless names are given.
 
         A smaller draw is part of every larger one.
         """
@@ -221,7 +221,7 @@ def _list_problems(entry: PairsEntry, name: str, opened: _OpenDatasets, seed: in
 
 
 def _check_role(entry: PairsEntry, name: str, *, ready_made: bool) -> None:
-    """Raise for a set that asks for clouds of matches, or the other way round."""
+    """Raise if a set needs clouds and its data set has matches, or vice versa."""
     asking, refusal = _ASKING_FOR_CLOUDS[entry.task]
     message = ""
     if ready_made and entry.model_dump(include=asking, exclude_defaults=True):

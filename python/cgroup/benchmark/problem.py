@@ -1,4 +1,4 @@
-"""Problems: a disturbed and matched pair, clouds or scans to register, or matches to group."""
+"""Problems: disturbed and matched pairs, clouds or scans to register, or matches to group."""
 
 import functools
 import hashlib
@@ -95,7 +95,7 @@ class LoadedProblem:
 
 @dataclass(frozen=True)
 class Problem:
-    """One problem; sets that ask for the same one share it.
+    """One problem; sets with the same problem share it.
 
     It is a pair itself, mirrored, or mixed: its source with the target of the pair `other`. Ready-made
     matches without a correct one are "mixed". For scenes, `dataset` names all places, joined by `AND`;
@@ -195,7 +195,7 @@ def open_once(name: str, root: str | None) -> Dataset:
 
 @functools.lru_cache(maxsize=_PAIRS_KEPT)
 def load_pair(dataset: str, name: str, root: str | None) -> MatchingPair | CorrespondencePair:
-    """Load a pair unless it is one of the last."""
+    """Load a pair unless it is cached."""
     return open_once(dataset, root).load(name)
 
 

@@ -1,4 +1,4 @@
-"""Other readings of what the paper leaves open: changes of a configuration, from `readings.toml`."""
+"""Other readings of open points in the paper: changes of a configuration, from `readings.toml`."""
 
 import functools
 from collections.abc import Iterable, Iterator
@@ -34,7 +34,7 @@ class Reading(Table):
 
 
 class Question(Table):
-    """A choice that the paper leaves open: what the paper states, the default, and the other readings."""
+    """A choice that the paper leaves open: the paper's statement, the default, and the other readings."""
 
     id: str
     title: str
@@ -73,7 +73,7 @@ def _set_options(method: dict[str, Any], reading: Reading) -> dict[str, Any]:
 
 
 def _split(entry: dict[str, Any], reading: Reading) -> Iterator[dict[str, Any]]:
-    """Split an experiment into the part that a reading changes, and the rest."""
+    """Split an experiment into the part that a reading changes and the rest."""
     kept = [name for name in entry["dataset"] if reading.without.get(entry["id"]) != name]
     if not (reading.front or reading.nuisances):
         thresholds = {"epsilons": reading.epsilons} if reading.epsilons and entry["id"] == "epsilon" else {}

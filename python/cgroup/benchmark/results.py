@@ -41,7 +41,7 @@ class Machine:
 
     @property
     def id(self) -> str:
-        """Short name, the same for machines that are alike."""
+        """Short name, the same for equal machines."""
         return hashlib.sha256(json.dumps(asdict(self)).encode()).hexdigest()[:12]
 
 
@@ -109,7 +109,7 @@ class Result:
 
 @dataclass(frozen=True)
 class Pending:
-    """A problem with the solvers that lack a result on it.
+    """A problem, and the solvers without a result for it.
 
     `entry` numbers the set in the plan. `limit` are seconds after which a solver is stopped.
     """
@@ -137,7 +137,7 @@ def describe_error(error: Exception) -> str:
 
 
 def none_unless_finite(value: float) -> float | None:
-    """Return the number, and None for NaN and infinity, which JSON lacks."""
+    """Return the number, or None for NaN and infinity, which JSON does not have."""
     return float(value) if np.isfinite(value) else None
 
 
@@ -157,7 +157,7 @@ def pack(matched: Matched) -> bytes:
 
 
 def unpack(content: bytes) -> Matched:
-    """Return the matches that `pack` packed."""
+    """Return the matches from the bytes of `pack`."""
     with np.load(io.BytesIO(content), allow_pickle=False) as archive:
         fields: dict[str, Any] = {name: archive[name] for name in archive.files}
     facts = {

@@ -1,4 +1,4 @@
-"""Running a configuration: results that a folder lacks are computed, so that a stopped run continues."""
+"""Run a configuration: compute the missing results of a folder, so that a stopped run can continue."""
 
 import itertools
 from collections import defaultdict, deque
@@ -70,7 +70,7 @@ def run(
     retry_failed: bool = False,
     progress: Progress | None = None,
 ) -> Summary:
-    """Compute the results of a configuration that a folder lacks.
+    """Compute the results of a configuration that are missing in a folder.
 
     The results do not depend on backend or workers. A stopped run loses only the calls in progress; called
     again, it continues.
@@ -78,7 +78,7 @@ def run(
     Parameters
     ----------
     config : Config
-        What to run.
+        Configuration of the run.
     out : path
         Folder of the results; made if need be.
     root : path, optional
@@ -184,7 +184,7 @@ class _Runner:
             self._report(len(part))
 
     def group(self, call_unordered: CallUnordered) -> None:
-        """Group the matches of experiments; slow methods are given up by the limits of their sets."""
+        """Group the matches of experiments; methods that exceed the limits of their sets are dropped."""
         slow: Slow = defaultdict(list)
         pending = sorted(self._begin_task("experiment"), key=lambda each: each.limit)
         sizes = self._store.matched()
@@ -230,7 +230,7 @@ class _Runner:
         return tuple(each for each, why in reasons.items() if not why)
 
     def run_alone(self, task: Task) -> None:
-        """Run solvers one at a time in one other process, which a solver may end.
+        """Run solvers one at a time in a separate process, which a solver may end.
 
         The number of threads is set in the process before libraries are loaded. Matches are made in another
         process, so that the memory of the first is that of the solver.
@@ -264,7 +264,7 @@ class _Runner:
         slow: list[int],
         times: list[tuple[int, float]],
     ) -> list[Result]:
-        """Run one solver, or return why it isn't run.
+        """Run one solver, or return the reason why it is not run.
 
         `slow` has the numbers of matches on which it ran out of time, `times` numbers and seconds of smaller
         sets in the timing; both are brought up to date.
@@ -293,14 +293,14 @@ class _Runner:
 
 
 def _why_not_run(slow: list[int], n: int, limit: float) -> str:
-    """Return why a method isn't run on n matches; empty if it is."""
+    """Return the reason why a method is not run on n matches; empty if it is run."""
     if sum(fewer <= n for fewer in slow) < GIVEN_UP:
         return ""
     return f"not run: took longer than {limit:g} s on {min(slow):,} matches"
 
 
 def _why_not_timed(known: list[tuple[int, float]], n: int, budget: float) -> str:
-    """Return why a method isn't timed on n matches, by the seconds on smaller sets; empty if it is."""
+    """Return the reason why a method is not timed on n matches, from smaller sets; empty if it is timed."""
     if not known:
         return ""
     exponent = solving.fit_exponent(*zip(*known, strict=True))

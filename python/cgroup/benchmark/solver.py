@@ -92,7 +92,7 @@ class Solver:
         return answer, clock.stop()
 
     def why_missing(self) -> str:
-        """Return which library can't be imported, and how to install it; empty if none is missing."""
+        """Return the missing library and its install command; empty if none is missing."""
         needed = [infos[self.name].needs for infos in _BUILT_IN.values() if self.name in infos]
         for module in " ".join([*needed, "small_gicp" if self.refined else ""]).split():
             try:

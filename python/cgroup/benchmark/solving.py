@@ -1,4 +1,4 @@
-"""Running solvers on a problem and judging their answers; most of it runs in worker processes.
+"""Run solvers on a problem and judge their answers, mostly in worker processes.
 
 An error of a solver or a problem becomes part of the result.
 """
@@ -152,7 +152,7 @@ def _prepare_matches(pending: Pending, matched: Matched) -> Prepared:
 
 
 def _group(pending: Pending, matched: Matched, correct: dict[float, BoolArray], method: Solver) -> Outcome:
-    """Group once, beside other workers; the pose is the least-squares pose of the whole group."""
+    """Group once while other workers run; the pose is the least-squares pose of the whole group."""
     start = time.perf_counter()
     grouping = method.group(matched.matches, seed=pending.problem.seed, threads=pending.threads)
     seconds = time.perf_counter() - start
@@ -163,7 +163,7 @@ def _group(pending: Pending, matched: Matched, correct: dict[float, BoolArray], 
 
 
 def _try(pending: Pending, matched: Matched, correct: dict[float, BoolArray], method: Solver) -> Outcome:
-    """Group with no other worker busy, and measure time and memory; the pose is the method's first one."""
+    """Group while no other worker runs; measure time and memory, and take the method's first pose."""
     info = METHOD_INFO.get(method.name)
     for field in info.fields if info else ():
         if getattr(matched.matches, field) is None:
@@ -174,7 +174,7 @@ def _try(pending: Pending, matched: Matched, correct: dict[float, BoolArray], me
 
 
 def _time(pending: Pending, matched: Matched, _correct: dict[float, BoolArray], method: Solver) -> Outcome:
-    """Time repeated calls after one that doesn't count."""
+    """Time repeated calls after a warm-up call."""
     threads, seed = pending.threads or None, pending.problem.seed
     repeats = pending.problem.repeats
     seconds = measure(lambda: method.group(matched.matches, seed=seed, threads=threads), repeats)
@@ -184,7 +184,7 @@ def _time(pending: Pending, matched: Matched, _correct: dict[float, BoolArray], 
 def _judge(
     grouping: Grouping, matched: Matched, correct: dict[float, BoolArray], pose: FloatArray | None
 ) -> dict[str, Any]:
-    """Return counts of the group, errors of its pose, and of the best pose that the method offers."""
+    """Return counts of the group, errors of its pose, and errors of the method's best pose."""
     poses = group_poses(grouping)
     truth = matched.truth, matched.sample, matched.pr
     offered = [_name_errors(each, *truth, "best_") for each in poses]
@@ -205,7 +205,7 @@ def _judge(
 
 
 def measure(call: Callable[[], object], repeats: int) -> list[float]:
-    """Return the seconds of one call per repeat, after a call that doesn't count.
+    """Return the seconds of one call per repeat, after a warm-up call.
 
     Calls shorter than `SHORTEST` are repeated in a row and averaged.
     """
@@ -263,7 +263,7 @@ def _reset_peak() -> float | None:
 
 
 def _memory(field: str) -> float | None:
-    """Return one of the system's numbers on this process's memory in MiB; None where there is none."""
+    """Return a memory counter of this process in MiB; None if the system does not have it."""
     with suppress(OSError):
         for line in _STATUS.read_text(encoding="ascii", errors="replace").splitlines():
             if line.startswith(f"{field}:"):
@@ -274,7 +274,7 @@ def _memory(field: str) -> float | None:
 # --- pipelines on clouds and scans -----------------------------------------------------------------
 
 
-@functools.lru_cache(maxsize=1)  # the next solver is usually asked for the same problem
+@functools.lru_cache(maxsize=1)  # the next solver usually runs on the same problem
 def _prepare_clouds(problem: Problem, threads: int, root: str | None) -> Prepared:
     loaded = problem.load(root)
     source, target = (np.asarray(points, dtype=np.float64) for points in loaded.points)

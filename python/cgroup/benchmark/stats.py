@@ -3,7 +3,7 @@
 Intervals are percentiles of bootstrap means (Efron 1979). Differences from the best method are tested on the
 same units by Wilcoxon's signed-rank test or McNemar's exact test, adjusted by Holm (1979) over a column. A
 unit is a problem, or in `rank_overall` a pair with the mean of its cases. Pairs `object/pair` of one object
-share scans: the object is the unit where a data set has at least `LEAST_OBJECTS`.
+share scans: the object is the unit if a data set has at least `LEAST_OBJECTS`.
 """
 
 from collections.abc import Callable, Hashable, Sequence
@@ -96,7 +96,7 @@ def bootstrap(
 
     Rows are units, which are drawn alike for all columns; each has the sums of its values, or its only value.
     `counts` are the numbers of values in the sums, 1 by default. `strata` are the data sets of the units:
-    every draw has as many units of each as there are, and the data sets keep their shares in the mean.
+    every draw has the original number of units per data set, and data sets keep their weights in the mean.
     """
     values = np.asarray(sums, dtype=np.float64)
     numbers = np.ones_like(values) if counts is None else counts
@@ -126,7 +126,7 @@ def bootstrap(
 
 @lru_cache(maxsize=4)
 def _draw_stratum(count: int, columns: int, label: int) -> FloatArray:
-    """Return how often each draw with replacement has each unit of a stratum, (RESAMPLES,count)."""
+    """Return the count of each unit of a stratum in each draw with replacement, (RESAMPLES,count)."""
     rng = keyed_rng("bootstrap", count, columns, *([label] if label else []))
     return rng.multinomial(count, np.full(count, 1 / count), size=RESAMPLES).astype(np.float64)
 
@@ -141,7 +141,7 @@ def signed_rank(one: ArrayLike, other: ArrayLike) -> float:
 
 
 def _compare_with_best(values: FloatArray | BoolArray, test: Test, best: int | None = None) -> list[float]:
-    """Return adjusted p of each column's difference from the best or a given one; 1 for that one."""
+    """Return the adjusted p of each column's difference from a reference, by default the best; 1 for it."""
     first = int(np.argmax(values.mean(axis=0))) if best is None else best
     others = [i for i in range(values.shape[1]) if i != first]
     found = dict(zip(others, holm([test(values[:, first], values[:, i]) for i in others]), strict=True))
@@ -167,7 +167,7 @@ def rank_methods(trials: pd.DataFrame) -> list[Rank]:
     Raises
     ------
     KeyError
-        For trials that lack a column.
+        For trials without a required column.
 
     Examples
     --------

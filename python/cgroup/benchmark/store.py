@@ -141,7 +141,7 @@ def foreign_records(path: Path) -> InputError:
 
 @contextmanager
 def open_records(path: Path | str) -> Generator[sqlite3.Connection, None, None]:
-    """Open the results for reading; a run may write meanwhile."""
+    """Open the results for reading; a run may write at the same time."""
     path = as_path("path", path)
     file = path / RECORDS if path.is_dir() else path
     if not file.exists() or not file.stat().st_size:
@@ -196,7 +196,7 @@ class Store:
 
     @contextmanager
     def transaction(self) -> Generator[None, None, None]:
-        """Write everything that follows, or nothing after an error."""
+        """Write all changes of the block, or none after an error."""
         self.connection.execute("begin immediate")
         try:
             yield
@@ -247,7 +247,7 @@ class Store:
         return count_results(self.connection)
 
     def pending(self, task: Task) -> list[Pending]:
-        """Return the problems of a kind with the solvers that lack a result, in the order of the work."""
+        """Return the problems of a kind with the solvers without a result, in the order of the work."""
         kept = self.connection.execute("select key, name, options, refined from solvers")
         solvers = {
             key: Solver(name, name, options, None if refined is None else bool(refined))
@@ -258,7 +258,7 @@ class Store:
             epsilons = {each for each in (*json.loads(wanted), *json.loads(known)) if each is not None}
             problem = Problem(*values)
             problem = replace(problem, seed=int(problem.seed))
-            # Solvers of a problem are run together, whichever of several experiments asks for them.
+            # Solvers of a problem are run together, for all experiments with this problem.
             of = 0 if task == "experiment" else entry
             pending = Pending(problem, (), threads, tuple(sorted(epsilons)), limit, of)
             found.setdefault(pending, []).append(solvers[key])
@@ -295,5 +295,5 @@ class Store:
 
 
 def _stored(value: Any) -> Any:  # noqa: ANN401 - of any field
-    """Return integers beyond SQLite's as text, and other values as they are."""
+    """Return integers beyond SQLite's range as text, and other values unchanged."""
     return str(value) if isinstance(value, int) and value > _LARGEST_INTEGER else value

@@ -75,7 +75,7 @@ _MEASURES: dict[Task, dict[str, Any]] = {
 
 
 def load(path: Path | str, kind: Task = "experiment") -> pd.DataFrame:
-    """Read the results that the latest configuration asks for.
+    """Read the results of the latest configuration.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def load(path: Path | str, kind: Task = "experiment") -> pd.DataFrame:
 
         The problem: `dataset, pair, origin`, its hash `case`, and `set`; `kind`: "related", "mirrored" (its
         target is), or "mixed" (with the target of the pair `other`); `nuisance, level, matches, nms_radius,
-        voxel, seed`; `front`: changes to the paper's front end as JSON. "" and NaN stand for no value.
+        voxel, seed`; `front`: changes to the paper's front end as JSON. "" and NaN mean no value.
 
         The solver: `method` (its label), `name, threads, seconds, machine, version`; `error`: "" or the
         error, and then the numbers are NaN or 0; `skipped`: "" or why it wasn't run to its end.
@@ -113,7 +113,7 @@ def load(path: Path | str, kind: Task = "experiment") -> pd.DataFrame:
         frames, number` of generated problems.
 
         "registration": `column`: the set, with the side of `split_overlap`; `ok, probability` reported by the
-        pipeline; `nees`: normalized squared error by its covariance, 6 on average if that is right; `stages`:
+        pipeline; `nees`: normalized squared error by its covariance, 6 on average if it is correct; `stages`:
         dict of seconds, whose sum is `seconds`.
 
         "scenes": `dataset` names all places, `pair` the seed; `scans`; the counts and, as tuples, the errors
@@ -182,7 +182,7 @@ def _make_column(name: str, otherwise: Any, rows: list[dict[str, Any]], epsilons
 
 
 def _join_experiments(frame: pd.DataFrame, protocols: list[list[str]]) -> pd.DataFrame:
-    """Take rows together that several experiments ask for, and add verdicts by the protocols of the pairs."""
+    """Join the rows of several experiments, and add verdicts by the protocols of the pairs."""
     failed = frame["error"] != ""
     counts = ["correct", "selected", "selected_correct"]
     frame[counts] = frame[counts].mask(failed) if failed.any() else frame[counts]
@@ -211,7 +211,7 @@ def _join_experiments(frame: pd.DataFrame, protocols: list[list[str]]) -> pd.Dat
 
 
 def _add_verdicts(frame: pd.DataFrame, definitions: list[dict[str, Any]]) -> None:
-    """Add the definitions of the sets, and whether poses keep their limits; unknown errors don't."""
+    """Add the definitions of the sets, and whether poses are within the limits; unknown errors are not."""
     for name in ("loose", "strict", "preset", "whole"):
         frame[name] = [known.get(name) for known in definitions]
     limits = {"right": ("loose", ""), "accurate": ("strict", "")}
@@ -244,7 +244,7 @@ def _query(path: Path, statement: str, parameters: tuple[str, ...] = ()) -> pd.D
 
 
 def load_skips(path: Path) -> pd.DataFrame:
-    """Return which methods weren't timed on which sets: `method, n, threads, reason, machine`."""
+    """Return the methods that were not timed on a set: `method, n, threads, reason, machine`."""
     frame = _load(path, "timing")
     frame["reason"] = frame["skipped"] + frame["error"]
     frame = frame[frame["reason"] != ""].sort_values("n", kind="stable", ignore_index=True)
@@ -252,7 +252,7 @@ def load_skips(path: Path) -> pd.DataFrame:
 
 
 def load_machines(path: Path) -> pd.DataFrame:
-    """Return the machines that made results: `id, cpu, cores, system, python, numpy`."""
+    """Return the machines of the results: `id, cpu, cores, system, python, numpy`."""
     return _query(path, "select * from machines order by id")
 
 
@@ -262,7 +262,7 @@ def load_datasets(path: Path) -> pd.DataFrame:
 
 
 def load_counts(path: Path) -> dict[str, Counts]:
-    """Count the results of each kind that the latest configuration asks for."""
+    """Count the results of each kind in the latest configuration."""
     with open_records(path) as connection:
         return count_results(connection)
 

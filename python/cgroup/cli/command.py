@@ -27,7 +27,7 @@ _KEEP = "\N{NO-BREAK SPACE}"
 
 
 class _Help:
-    """Parts of a help text that differ from typer's."""
+    """Changes to typer's help texts."""
 
     def get_help(self, ctx: Any) -> str:
         return cast("TyperCommand", super()).get_help(ctx).replace(_KEEP, " ")
@@ -106,7 +106,7 @@ def make_app(**options: Any) -> typer.Typer:
 
 
 def examples(*lines: str) -> str:
-    """Return the end of a help text: commands as they are typed, comments above them."""
+    """Return the examples of a help text: commands, each below a comment."""
     return "\n".join(["Examples:", *(f"  {line}".rstrip() for line in lines)])
 
 
@@ -188,7 +188,7 @@ def _document(context: Any, parts: Document) -> Document:
 
 
 def identify_run(context: Any) -> str:
-    """Return a digest of all that a command's results depend on: arguments, options, contents of files."""
+    """Return a digest of all inputs of a command's results: arguments, options, contents of files."""
     arguments = {one.name for one in context.command.params if one.param_type_name == "argument"}
     given = {name: value for name, value in context.params.items() if name in arguments}
     basis = (

@@ -53,7 +53,7 @@ def _layout(value: Any, indent: str) -> str:
 
 
 def _in_unicode(value: Any) -> Any:
-    """Return a text, or a list, without lone surrogates, which many JSON readers refuse."""
+    """Return a text or a list without lone surrogates, which many JSON readers reject."""
     if isinstance(value, list):
         return [_in_unicode(item) for item in value]
     return value.encode("utf-8", "backslashreplace").decode("utf-8") if isinstance(value, str) else value

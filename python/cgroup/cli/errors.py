@@ -35,7 +35,7 @@ _IN_FILES = {"PointCloud": "file", "Correspondences": "a file", "PreparedMap.sav
 
 
 class PrintedRefusalError(NoConsensusError):
-    """An unreliable result, which is printed and written all the same."""
+    """An unreliable result, which is printed and written nevertheless."""
 
 
 class RefusedPoseError(NoConsensusError):

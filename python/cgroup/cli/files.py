@@ -71,7 +71,7 @@ def describe_pair(files: tuple[Path, Path], clouds: tuple[PointCloud, PointCloud
 
 
 def name_of_pair(source: Path, target: Path, how: str = "on") -> str:
-    """Return the common beginning of the names of a pair's files."""
+    """Return the common prefix of the names of a pair's files."""
     names = (os.fsencode(file.stem)[:_LONGEST].decode(errors="ignore") for file in (source, target))
     return f"_{how}_".join(names)
 
@@ -83,7 +83,7 @@ def name_frames(source: Path, target: Path) -> str:
 
 
 def write_pose(file: Path, pose: FloatArray, frames: str) -> None:
-    """Write a pose, exact to the last bit, and the comment of `name_frames`."""
+    """Write a pose, exact to the last bit, with the comment of `name_frames`."""
     io.write_file(file, "\n".join([*number_lines(pose), frames, ""]).encode())
 
 
@@ -96,7 +96,7 @@ def refuse_others(files: Iterable[Path], frames: str) -> None:
 
 
 def unique_names(files: Sequence[Path], names: Sequence[str]) -> list[str]:
-    """Return the names of files; the whole path of a file whose name is empty or that of another."""
+    """Return unique names of files: the whole path if a name is empty or occurs twice."""
     count = Counter(names)
     return [name if name and count[name] == 1 else str(file) for name, file in zip(names, files, strict=True)]
 
@@ -111,7 +111,7 @@ def print_contents(contents: Mapping[Path, str]) -> None:
 
 
 def print_pair_files(files: Iterable[Path]) -> None:
-    """Print which files of a pair were written, and their contents."""
+    """Print the written files of a pair, and their contents."""
     print_contents({file: next(_FILES[end] for end in _FILES if file.name.endswith(end)) for file in files})
 
 
@@ -169,7 +169,7 @@ class PairFiles:
     def write_refusal(
         self, clouds: Clouds, guess: Registration | None, truth: FloatArray | None, refusal: str
     ) -> list[Path]:
-        """Write the page of a refused guess if one is wanted, and nothing else; return the files."""
+        """Write only the page of a refused guess, if requested; return the files."""
         with self._results.writing(self._run) as written:
             if guess is not None and self._is_wanted[_PAGE]:
                 self._write_page(clouds, guess, truth, refusal)

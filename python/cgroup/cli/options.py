@@ -39,7 +39,7 @@ def complete_methods(incomplete: str) -> Iterator[tuple[str, str]]:
 
 
 def complete_presets(incomplete: str) -> Iterator[str]:
-    """Yield matching configurations of the package; the shell itself completes files."""
+    """Yield matching configurations of the package; the shell completes files."""
     for entry in (resources.files("cgroup.benchmark") / "presets").iterdir():
         name, dot, suffix = entry.name.partition(".")
         if dot and suffix == "toml" and name.startswith(incomplete):
@@ -72,7 +72,7 @@ def flag(name: str, help_text: str, section: str | None = OUTPUT, **more: Any) -
 
 
 def _need_plotly(wanted: bool) -> bool:
-    """Raise `InputError` early if a page is wanted without plotly."""
+    """Raise `InputError` early if a page is requested without plotly."""
     if wanted and find_spec("plotly") is None:
         message = "--html: needs plotly; pip install 'cgroup[scans]'"
         raise InputError(message)

@@ -1,4 +1,4 @@
-"""The process: standard output and error, which may be closed or full, and signals that ask it to end."""
+"""The process: standard output and error, which may be closed or full, and termination signals."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def _drop(stream: TextIO) -> None:
 
 
 class StoppedError(KeyboardInterrupt):
-    """A signal asked the process to end; the exit status contains its number."""
+    """Raised after a termination signal, whose number is in the exit status."""
 
     def __init__(self, number: int) -> None:
         super().__init__(number)
@@ -97,7 +97,7 @@ class StoppedError(KeyboardInterrupt):
 
 @contextmanager
 def stop_on_signals() -> Generator[None, None, None]:
-    """Raise `StoppedError` at the first signal that asks the process to end; end at once at the second.
+    """Raise `StoppedError` at the first termination signal; end at once at the second.
 
     Ignored signals stay ignored, as those of a background process. Afterwards the process is expected to end.
     """

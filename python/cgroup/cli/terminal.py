@@ -79,7 +79,7 @@ def print_facts(*facts: tuple[str, str]) -> None:
 def print_pose(
     pose: Iterable[Sequence[float]], moved: Mapping[str, Any], source: str = "source", target: str = "target"
 ) -> None:
-    """Print a transform by rows, with the digits that a cloud of a document needs."""
+    """Print a transform by rows, with enough digits for a cloud of a document."""
     print_line(f"pose of the {source} in the {target}'s frame")
     for line in pose_lines(list(pose), moved.get("centroid"), moved.get("extent")):
         print_line(f"  {line}")
@@ -175,7 +175,7 @@ def write_figure(path: Path, figure: Figure) -> Path:
 
 @dataclass(frozen=True)
 class Column:
-    """A column: text is left-aligned and may be cut, numbers are right-aligned.
+    """A column: text is left-aligned and may be truncated, numbers are right-aligned.
 
     If the width doesn't suffice, columns of the highest `priority` are dropped first; those of 0 stay.
     """
@@ -218,7 +218,7 @@ def print_table(
 
 
 def _fit(columns: Sequence[Column], widths: list[int], room: int) -> tuple[list[int], bool]:
-    """Choose columns that fit, and narrow text columns in place; return them, and whether any is cut."""
+    """Return the columns that fit, with text columns narrowed in place, and whether any is truncated."""
     shown = list(range(len(columns)))
 
     def excess() -> int:
@@ -254,7 +254,7 @@ def show_value(value: object, form: str = ".3g") -> str:
 
 
 def show_length(value: float | None, digits: int = 3) -> str:
-    """Return a length with so many digits, without an exponent."""
+    """Return a length with a number of digits, without an exponent."""
     if value is None:
         return UNKNOWN
     return np.format_float_positional(value, precision=digits, unique=False, fractional=False, trim="-")

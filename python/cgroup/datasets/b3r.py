@@ -1,4 +1,4 @@
-"""Bologna 3D Retrieval: whole models against whole, noisy copies of them."""
+"""Bologna 3D Retrieval: complete models against complete, noisy copies."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class _Entry(NamedTuple):
 
 
 class B3RClean(FileDataset[_Entry]):
-    """The 18 scenes of B3R without noise: posed copies of the models, for nuisances to go on top."""
+    """The 18 scenes of B3R without noise: posed copies of the models, as input of nuisances."""
 
     name, title = "b3r-clean", "B3R"
     role, origin = "full-full", "real"
@@ -56,7 +56,7 @@ class B3RClean(FileDataset[_Entry]):
         try:
             config = _read_config(entry.config)
         except InputError:
-            return []  # loading it says why
+            return []  # the error is raised on loading
         noisy = self._scene_places(entry, NOISE_LEVELS[0])
         return [self._model_places(config), self._pose_places(config), noisy[::-1]]
 
@@ -103,7 +103,7 @@ class B3RClean(FileDataset[_Entry]):
 class B3R(B3RClean):
     """The 54 pairs of B3R as published: 18 scenes, each with three levels of noise.
 
-    Where only the scenes with the lowest noise are there, the others are rebuilt: the published noise vectors
+    If only the scenes with the lowest noise exist, the others are rebuilt: the published noise vectors
     of one scene are multiples of one another, and vertex i of a scene is vertex i of its model.
     """
 
@@ -124,5 +124,5 @@ def _read_config(path: Path) -> configparser.ConfigParser:
 
 
 def _path_in(written: str) -> str:
-    """Path as a relative one; the configurations begin theirs with a slash, in quotes."""
+    """Return a relative path; paths in the configurations are quoted and begin with a slash."""
     return written.strip().strip('"').replace("\\", "/").lstrip("/")

@@ -1,4 +1,4 @@
-"""The base class of data sets, their pairs, unrelated pairs made of them, and measures of pairs."""
+"""Base class of data sets, pairs, unrelated pairs, and measures of pairs."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class MatchingPair:
         How `cgroup.registration.correspond` is to find normals: "mesh", or "given" where points have some,
         for whole models, whose normals cannot all point towards one viewpoint.
     facts : mapping of str to float
-        What is known: ``overlap``, ``clutter``, ``occlusion`` (0 to 1), ``noise`` (in the data set's unit).
+        Known facts: ``overlap``, ``clutter``, ``occlusion`` (0 to 1), ``noise`` (in the data set's unit).
 
     Examples
     --------
@@ -68,7 +68,7 @@ class MatchingPair:
 
 @dataclass(frozen=True, eq=False)
 class CorrespondencePair:
-    """Precomputed matches, and the true pose, which determines the correct ones.
+    """Precomputed matches, and the true pose, which determines the correct matches.
 
     Attributes
     ----------
@@ -79,7 +79,7 @@ class CorrespondencePair:
     T_target_source : (4,4) array of float64
         True pose: maps source points into the target's frame.
     facts : mapping of str to float
-        What is known of the pair.
+        Known facts about the pair.
     """
 
     name: str
@@ -97,7 +97,7 @@ class UnrelatedPair:
     source, target : PointCloud
         In the same unit, each in its own frame.
     source_viewpoint, target_viewpoint : (float, float, float)
-        Where the scanners stood, in their clouds' frames.
+        Positions of the scanners, in their clouds' frames.
     """
 
     source: PointCloud
@@ -114,9 +114,9 @@ class Dataset(ABC):
     name, title : str
         For `open_dataset`, and for figures and tables.
     role : {"full-full", "full-partial", "partial-partial", "correspondences"}
-        What is matched with what.
+        Completeness of source and target, or matches without clouds.
     origin : {"real", "semi-synthetic", "synthetic"}
-        Where the clouds come from; see `origin_of` for a single pair.
+        Origin of the clouds; see `origin_of` for a single pair.
     protocols : tuple of str
         Names in `cgroup.evaluation.PROTOCOLS` that make sense here; by default those for any unit.
     citation : str
@@ -162,7 +162,7 @@ class Dataset(ABC):
         Returns
         -------
         list of str
-            What `load` takes; always in the same order, without `lacking_pairs`.
+            Names for `load`, always in the same order, without `lacking_pairs`.
         """
 
     @abstractmethod
@@ -181,7 +181,7 @@ class Dataset(ABC):
         """
 
     def lacking_pairs(self) -> Mapping[str, Path]:
-        """Return the pairs that lack a file, with that file.
+        """Return the pairs with a missing file, and that file.
 
         Returns
         -------
@@ -196,7 +196,7 @@ class Dataset(ABC):
         Returns
         -------
         str
-            How many pairs lack files, and which the first of them are; empty where nothing is missing.
+            The number of pairs with missing files, and the first of these pairs; else empty.
         """
         lacking = self.lacking_pairs()
         if not lacking:
@@ -209,7 +209,7 @@ class Dataset(ABC):
         return f"{len(lacking)} of {wanted} pairs lack files: {', '.join(named)}{more}"
 
     def origin_of(self, name: str) -> Origin:
-        """Return where the clouds of one pair come from.
+        """Return the origin of the clouds of one pair.
 
         The name is as for `load`.
 
@@ -222,7 +222,7 @@ class Dataset(ABC):
         return self.origin
 
     def protocols_of(self, name: str) -> tuple[str, ...]:
-        """Return the registration protocols that make sense for one pair.
+        """Return the registration protocols that apply to one pair.
 
         The name is as for `load`.
 
@@ -235,7 +235,7 @@ class Dataset(ABC):
         return self.protocols
 
     def subject_of(self, name: str) -> str:
-        """Return what a pair shows; pairs of different subjects share nothing.
+        """Return the subject of a pair, which identifies the object or place.
 
         The name is as for `load`.
 
@@ -262,7 +262,7 @@ class Dataset(ABC):
 
 
 def mixed_names(dataset: Dataset) -> list[tuple[str, str]]:
-    """List pairs of different subjects, whose source and target share nothing.
+    """List pairs whose source and target have different subjects.
 
     Parameters
     ----------
@@ -281,7 +281,7 @@ def mixed_names(dataset: Dataset) -> list[tuple[str, str]]:
 
 
 def mix(first: MatchingPair, second: MatchingPair) -> UnrelatedPair:
-    """Put the source of one pair beside the target of another.
+    """Combine the source of one pair with the target of another.
 
     Parameters
     ----------
@@ -297,7 +297,7 @@ def mix(first: MatchingPair, second: MatchingPair) -> UnrelatedPair:
 
 
 def mirror(pair: MatchingPair) -> UnrelatedPair:
-    """Reflect the target at the plane x = 0, and its viewpoint with it.
+    """Reflect the target and its viewpoint at the plane x = 0.
 
     Unless the shape is mirror-symmetric, no pose fits then. Faces and normals are dropped.
 
@@ -309,7 +309,7 @@ def mirror(pair: MatchingPair) -> UnrelatedPair:
     Returns
     -------
     UnrelatedPair
-        The source as it is, and the mirrored target.
+        The unchanged source, and the mirrored target.
     """
     x, y, z = pair.target_viewpoint
     target = PointCloud(pair.target.points * np.array([-1.0, 1.0, 1.0]))
@@ -349,7 +349,7 @@ def measure_clutter(model: PointCloud, scene: PointCloud, T_scene_model: FloatAr
 
 
 def faces_of(cloud: PointCloud) -> IndexArray:
-    """Return the faces of a model or scene; `InputError` where it has none."""
+    """Return the faces of a model or scene; raise `InputError` without faces."""
     if cloud.faces is None:
         message = "a model or scan has no faces; clutter and normals need meshes"
         raise InputError(message)
@@ -359,7 +359,7 @@ def faces_of(cloud: PointCloud) -> IndexArray:
 def posed_pair(
     name: str, model: PointCloud, scene: PointCloud, pose: FloatArray, *, noise: float
 ) -> MatchingPair:
-    """Move the viewpoint with the model, so that normals have the same sign in both clouds."""
+    """Return the pair with the viewpoint moved like the model, so that normals have the same sign in both."""
     x, y, z = (float(value) for value in pose[:3, 3])
     return MatchingPair(name, model, scene, pose, ORIGIN, (x, y, z), facts={"noise": noise})
 
@@ -367,11 +367,11 @@ def posed_pair(
 def fitting_pose(
     pose: FloatArray, source: PointCloud, target: PointCloud, *, origin: str, tolerance: float | None = None
 ) -> FloatArray:
-    """Return the pose or its inverse, whichever moves more of the source onto the target.
+    """Return the one of the pose and its inverse that aligns more of the source with the target.
 
     Files differ in the direction of their poses. A source point is on the target within the tolerance,
     in the data's unit; by default `FITTING_WITHIN`, in units of the mean of the resolutions.
-    If neither moves a share of `MIN_FITTING` onto it, an `InputError` names the origin of the pose.
+    If neither aligns a fraction of `MIN_FITTING`, an `InputError` names the origin of the pose.
     """
     near = FITTING_WITHIN * mean_resolution(source, target) if tolerance is None else tolerance
     sample = source.points[:: max(1, len(source) // _FITTING_SAMPLE)]

@@ -34,7 +34,7 @@ def cache_folder() -> Path:
 
 
 def cached(kind: str, key: Iterable[str | bytes], make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
-    """Arrays of a kind from the cache, or made and put there; the key is all that they depend on.
+    """Return arrays from the cache, or compute and cache them; the key contains all their inputs.
 
     A cache that can't be read or written is no error: the arrays are then made each time. A damaged file is
     removed and made again.
@@ -58,7 +58,7 @@ def cached(kind: str, key: Iterable[str | bytes], make: Callable[[], dict[str, A
 
 
 def _seal(name: str, content: bytes) -> bytes:
-    """Hash of a file's name and content, which stands behind it: damage may leave arrays that can be read."""
+    """Return the hash of a file's name and content, its trailer; damaged arrays may still be readable."""
     return bytes.fromhex(_digest([name, content]))
 
 

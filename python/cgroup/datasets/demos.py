@@ -1,4 +1,4 @@
-"""Matches, LiDAR scans and range views with a pose, as registration methods publish them with their code."""
+"""Matches, LiDAR scans and range views with a pose, published with the code of registration methods."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ TCF_URL = "https://github.com/ShiPC-AI/TCF"
 
 _INLIER = {"3DMatch": 0.1, "KITTI": 0.6, "ETH": 0.3}  # m, inlier distances that are usual on these data
 
-# Overlap of LiDAR scans counts points within a voxel of the size that leaves the scans about so many.
+# Overlap of LiDAR scans counts points within the voxel that leaves about this number of points.
 _VOXELS = 5000
 
 # Of the target and the source: gt.log maps cloud 1 into the frame of cloud 0.
@@ -146,7 +146,7 @@ class LidarScans(FileDataset[_Scans]):
     )
 
     def subject_of(self, name: str) -> str:
-        """Return the name of the pair: no place is in two of them."""
+        """Return the name of the pair, since no place is in two pairs."""
         self.check_name(name)
         return name
 
@@ -188,7 +188,7 @@ class LidarScans(FileDataset[_Scans]):
 
 
 class _FGRPairs(FileDataset[Path]):
-    """Pairs in folders, named as these; what is made of them is left to subclasses."""
+    """Pairs named after their folders; subclasses define their content."""
 
     origin = "synthetic"
     citation = "Zhou, Park, Koltun: Fast global registration, ECCV 2016"
@@ -212,7 +212,7 @@ class _FGRPairs(FileDataset[Path]):
 
 
 class FGR(_FGRPairs):
-    """Matches of FPFH features that are nearest to each other, as FGR begins with; synthetic range data.
+    """Matches of mutual nearest FPFH features, FGR's initial matches; synthetic range data.
 
     They have a ratio, but neither a similarity nor frames.
     """

@@ -16,7 +16,7 @@ Entry = TypeVar("Entry")
 
 
 class FileDataset(Dataset, Generic[Entry]):
-    """Pairs in files of one folder: a subclass lists them and the files of each, and reads one.
+    """Pairs in files of one folder; a subclass lists pairs and their files, and reads a pair.
 
     docs/datasets.md has the layout of each folder.
     """
@@ -40,7 +40,7 @@ class FileDataset(Dataset, Generic[Entry]):
             raise self._missing(next(iter(self._lacking.values()), self._folder / self.example))
 
     def pair_names(self) -> list[str]:
-        """Return the names of all pairs whose files are there."""
+        """Return the names of all pairs whose files exist."""
         return list(self._pairs)
 
     def _find_folder(self, root: Path) -> Path:
@@ -55,10 +55,10 @@ class FileDataset(Dataset, Generic[Entry]):
 
     @abstractmethod
     def _list_pairs(self) -> dict[str, Entry]:
-        """List all pairs by name, those too that lack files."""
+        """List all pairs by name, including pairs with missing files."""
 
     def _needed(self, entry: Entry) -> Iterable[tuple[Path, ...]]:
-        """Return the files of a pair, each as the places that it may be in: the paths in a tuple entry."""
+        """Return the files of a pair, each as a tuple of its possible paths."""
         return [(each,) for each in cast("tuple[object, ...]", entry) if isinstance(each, Path)]
 
     def _find_lacking(self, entry: Entry) -> Path | None:
@@ -115,7 +115,7 @@ def data_root(given: Path | str | None = None) -> Path:
 
 
 def manifest_pairs(root: Path, dataset: str) -> list[dict[str, Any]]:
-    """Pairs of a data set in the root's ``manifest.json``, for data without a list by their owners."""
+    """Return the pairs of a data set in the root's ``manifest.json``, for data without an official list."""
     path = root / "manifest.json"
     if not path.is_file():
         return []

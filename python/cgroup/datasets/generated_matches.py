@@ -1,4 +1,4 @@
-"""Matches drawn at random: problems that are hard in one way, and a data set of them.
+"""Random matches: problems with one difficulty each, and a data set of them.
 
 `SCENES` change the wrong matches of a problem. The name of a pair of the data set holds its parameters.
 """
@@ -41,7 +41,7 @@ FRAMES = {
 def make_scene(
     rng: np.random.Generator, n: int, *, inliers: float, noise: float, scene: str, frames: str
 ) -> MatchingProblem:
-    """Draw a matching problem that is hard in one way.
+    """Draw a matching problem with one difficulty.
 
     Parameters
     ----------
@@ -50,10 +50,10 @@ def make_scene(
     n : int
         Number of matches; up to two more in ``one-to-three``.
     inliers, noise : float
-        Share of right ones, and their standard deviation per axis in pr.
+        Fraction of correct matches, and their standard deviation per axis in pr.
     scene : {"uniform", "second-pose", "planes", "mirror", "one-to-three"}
-        What wrong matches do: lie anywhere; follow a second motion, 0.8 for each right one; lie, as all
-        points, on a few walls; follow a mirrored motion; or share their source point, three by three.
+        Kind of wrong matches: at random positions; by a second motion, 0.8 per correct match; on a few walls,
+        like all points; by a mirrored motion; or three target points per source point.
     frames : {"good", "bad", "none"}
         Whether local reference frames are off by 8 degrees and 10 % unrelated, or by 30 degrees and 70 %;
         with "none" they are all missing (NaN).
@@ -78,9 +78,9 @@ def make_scene(
 
 
 def _planes(rng: np.random.Generator, problem: MatchingProblem) -> MatchingProblem:
-    """Put all points on a floor and two walls, where many wrong matches agree with each other by chance.
+    """Move all points to a floor and two walls, where many wrong matches agree by chance.
 
-    Right matches keep their noise.
+    Correct matches keep their noise.
     """
     scale, right = problem.resolution, problem.inlier_mask
     source = _on_walls(rng, len(problem)) * scale
@@ -95,7 +95,7 @@ def _planes(rng: np.random.Generator, problem: MatchingProblem) -> MatchingProbl
 
 
 def _one_to_three(rng: np.random.Generator, problem: MatchingProblem) -> MatchingProblem:
-    """Give every source point three partners in a row, at most one of them right.
+    """Assign three consecutive matches to every source point, at most one of them correct.
 
     Two thirds of the matches are new ones, so that their share of right ones falls to a third; a problem of
     as many matches as before is returned, or one or two more.
@@ -132,7 +132,7 @@ SCENES: dict[str, Callable[[np.random.Generator, MatchingProblem], MatchingProbl
 def _rival(
     rng: np.random.Generator, problem: MatchingProblem, flip: tuple[float, float, float]
 ) -> MatchingProblem:
-    """Let wrong matches follow another motion, `_RIVALS` for each right one, beside the true image.
+    """Move wrong matches by another motion, `_RIVALS` per correct match, next to the true image.
 
     Mirrored ones keep all distances, but no rigid motion explains them.
     """
@@ -187,25 +187,25 @@ class GeneratedMatches(Dataset):
     """Matches drawn by `make_scene`, at any size; unit pr.
 
     Every name of the form ``planes/n1000/inliers0.02/noise1.5/good-frames/0`` is a pair; those listed are
-    some usual ones. The same name gives the same problem; ``inliers0`` has nothing to be found.
+    some usual ones. The same name gives the same problem; ``inliers0`` has no correct matches.
     """
 
     name, title = "generated-matches", "Generated matches"
     role, origin, citation = "correspondences", "synthetic", "this library"
 
     def pair_names(self) -> list[str]:
-        """Return usual ones: each scene at some sizes and shares of right matches."""
+        """Return common names: each scene at some sizes and fractions of correct matches."""
         kinds = itertools.product(SCENES, (200, 1000, 5000), (0.02, 0.1, 0.3))
         return [Recipe(scene, n, inliers).name for scene, n, inliers in kinds]
 
     def check_name(self, name: str) -> None:
-        """Raise `InputError` for a name that isn't of the form."""
+        """Raise `InputError` for a name of another form."""
         read_recipe(name)
 
     def load(self, name: str) -> CorrespondencePair:
         """Draw the problem."""
         recipe = read_recipe(name)
-        # Of scene and frames only what they are about differs.
+        # Problems of different scenes and frames have the same random draws.
         key = repr((recipe.n, recipe.inliers, recipe.noise, recipe.number))
         seed = np.frombuffer(hashlib.sha256(key.encode()).digest(), dtype="<u4")
         drawn = make_scene(
@@ -223,7 +223,7 @@ class GeneratedMatches(Dataset):
 
 
 def read_recipe(name: str) -> Recipe:
-    """Read the name of a pair; raises `InputError` unless it is of the form."""
+    """Parse the name of a pair; raise `InputError` for another form."""
     found = _NAME.fullmatch(name)
     if found is None or found["scene"] not in SCENES or found["frames"] not in FRAMES:
         message = (

@@ -30,7 +30,7 @@ class _Entry(NamedTuple):
 
 
 class KITTI(FileDataset[_Entry]):
-    """Pairs ``sequence/source-target`` of KITTI's sequences 8 to 10, all 555 if they are there; unit m.
+    """Pairs ``sequence/source-target`` of KITTI's sequences 8 to 10, all 555 if available; unit m.
 
     The odometry's poses are some decimetres off. They are replaced by those in ``icp``, where FCGF has left
     its refined ones, or else refined here by `cgroup.verification.align`.
@@ -50,14 +50,14 @@ class KITTI(FileDataset[_Entry]):
         return MatchingPair(name, source, target, self._find_pose(name, entry, source, target))
 
     def note(self) -> str:
-        """Return a sentence about the pairs whose scans, and the sequences whose poses, aren't there."""
+        """Return a sentence about pairs with missing scans, and sequences with missing poses."""
         files = [self._poses(sequence) for sequence in SEQUENCES]
         absent = ", ".join(path.name for path in files if not path.is_file())
         poses = f"no pairs are known of sequences without poses ({absent})" if absent else ""
         return "; ".join(filter(None, (super().note(), poses)))
 
     def _list_pairs(self) -> dict[str, _Entry]:
-        """List the pairs, which depend on the poses alone."""
+        """List the pairs, which depend on the poses only."""
         pairs: dict[str, _Entry] = {}
         for sequence in filter(lambda number: self._poses(number).is_file(), SEQUENCES):
             for source, target in pair_scans(_read_poses(self._poses(sequence))[:, :3, 3]):
@@ -94,9 +94,9 @@ class KITTI(FileDataset[_Entry]):
 
 
 def pair_scans(places: FloatArray) -> list[tuple[int, int]]:
-    """Pair scans as 3DFeatNet and FCGF do: from each on to the last before the scanner is `DISTANCE` away.
+    """Pair each source with the last scan before the distance exceeds `DISTANCE`, as 3DFeatNet and FCGF.
 
-    `places` (m,3) are those of the scanner; the next pair begins behind the target.
+    `places` (m,3) are the positions of the scanner; the next pair begins after the target.
     """
     pairs: list[tuple[int, int]] = []
     source = 0
@@ -130,7 +130,7 @@ def _read_calibration(path: Path) -> FloatArray:
 
 
 def _as_poses(rows: FloatArray) -> FloatArray:
-    """Return (m,4,4) poses from their first three rows in a line."""
+    """Return (m,4,4) poses from lines with their first three rows."""
     poses = np.tile(np.eye(4), (len(rows), 1, 1))
     poses[:, :3] = rows.reshape(-1, 3, 4)
     return poses

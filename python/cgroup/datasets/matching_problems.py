@@ -24,16 +24,16 @@ _FEW_INLIERS = 0.1  # share below which the ratios of inliers are nearly those o
 
 @dataclass(frozen=True, repr=False)
 class MatchingProblem:
-    """Matches between two sides, and which of them are right.
+    """Matches between two sides, and the mask of the correct ones.
 
     Attributes
     ----------
     source, target : (n,3) ndarray of float64
         Matched points.
     ratio, similarity : (n,) ndarray of float64
-        Of the descriptors: nearest over second nearest distance, 0 to 1; and -inf where there is none.
+        Of the descriptors: nearest over second nearest distance, 0 to 1; and -inf for missing ones.
     source_lrf, target_lrf : (n,3,3) ndarray of float64
-        Local reference frames, rows are axes; NaN where there is none.
+        Local reference frames, rows are axes; NaN for missing ones.
     resolution : float
         Length of one pr, in the unit of the points.
     source_centroid : (3,) ndarray of float64
@@ -136,21 +136,21 @@ def make_problem(
     n : int
         Number of matches.
     inlier_ratio : float
-        Share of matches that the true motion makes. Below 0.1 their ratios are hardly better than others.
+        Fraction of correct matches. Below 0.1 their ratios are hardly better than those of others.
     noise : float
         Standard deviation per axis of the inliers' partners, in pr.
     repeated_targets : float
-        Share of outliers that take the partner of another match.
+        Fraction of outliers with the partner of another match.
     duplicated_sources : float
-        Share of matches whose source point and frame are copied from another match.
+        Fraction of matches whose source point and frame are copied from another match.
     clutter : float
-        Share of outliers that go anywhere in twice the target's bounding box.
+        Fraction of outliers at random positions in twice the target's bounding box.
     missing_frames, random_frames : float
-        Share of matches with no frame on one side, and with an unrelated one on the target's.
+        Fraction of matches with no frame on one side, and with an unrelated one on the target's.
     frame_error : float
         Angle in degrees by which the frames of inliers are off.
     zero_descriptors, missing_second : float
-        Share of matches with similarity -inf, and with ratio 1 by convention.
+        Fraction of matches with similarity -inf, and with ratio 1 by convention.
     radius : float
         Mean radius of the ellipsoid, in pr.
     scale : float
@@ -243,7 +243,7 @@ def make_problem(
 
 
 def random_rotations(rng: np.random.Generator, n: int) -> FloatArray:
-    """Draw n rotations (n,3,3), all alike: from random unit quaternions."""
+    """Draw n uniform rotations (n,3,3) from random unit quaternions."""
     quaternion = rng.normal(size=(n, 4))
     w, x, y, z = (quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)).T
     return turn(x, y, z, w)
@@ -272,7 +272,7 @@ def _turned(rng: np.random.Generator, frames: FloatArray, degrees: float) -> Flo
 
 
 def judged(problem: MatchingProblem) -> MatchingProblem:
-    """Return the problem with its mask of right matches recomputed."""
+    """Return the problem with a recomputed mask of correct matches."""
     errors = np.linalg.norm(apply(problem.T_target_source, problem.source) - problem.target, axis=1)
     return replace(problem, inlier_mask=errors <= CORRECT_WITHIN * problem.resolution)
 

@@ -1,4 +1,4 @@
-"""Sets of scans with true poses: of one place, or of several places and objects mixed."""
+"""Sets of scans with true poses, of one place, or mixed from several places and objects."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ class ScanSet:
     at_scanner: bool = False  # whether the scanner is at the origin of each scan
 
     def mirrored(self) -> ScanSet:
-        """Reflect every place; its scans fit each other as before, and no scan of the place itself."""
+        """Reflect every place; its scans fit each other as before, but no scan of the original place."""
         scans = [points @ _MIRROR[:3, :3] for points in self.scans]
         labels = [f"{each}, mirrored" for each in self.labels]
         return ScanSet(scans, _MIRROR @ self.truth @ _MIRROR, labels, self.at_scanner)
 
 
 def pool_sets(sets: Iterable[ScanSet], rng: np.random.Generator) -> ScanSet:
-    """Mix sets: shuffled, each scan in a random frame about its scanner or else its middle."""
+    """Shuffle the scans of several sets, each in a random frame about its scanner or its centroid."""
     parts = list(sets)
     pool = [
         (*each, part.at_scanner)
@@ -130,7 +130,7 @@ def load_scan_set(names: Iterable[str], root: Path | None, seed: int, *, mirrore
 
 
 def find_scan_set(name: str, root: Path | None) -> Callable[[], ScanSet]:
-    """Find scans of one place, and return what loads them."""
+    """Find the scans of one place, and return their loader."""
     if name.startswith("stone:"):
         seed = name.removeprefix("stone:")
         if not seed.isdecimal():

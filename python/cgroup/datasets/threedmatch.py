@@ -97,14 +97,14 @@ class ThreeDMatch(FileDataset[_Entry]):
 
 
 class ThreeDMatchTest(ThreeDMatch):
-    """The pairs of 3DMatch's test set, all 1,623 if they are there; its fragments are not downsampled."""
+    """The pairs of 3DMatch's test set, all 1,623 if available; fragments are not downsampled."""
 
     name, title = "3dmatch-test", "3DMatch test set"
     benchmark, downsampled = "3DMatch/", False
 
 
 class ThreeDLoMatchTest(ThreeDMatch):
-    """The pairs of 3DLoMatch, all 1,781 if they are there; its fragments are not downsampled."""
+    """The pairs of 3DLoMatch, all 1,781 if available; fragments are not downsampled."""
 
     name, title = "3dlomatch-test", "3DLoMatch test set"
     benchmark, downsampled = "3DLoMatch/", False

@@ -1,4 +1,4 @@
-"""UWA 3D Object Recognition: whole models in range scans of four or five heaped toys."""
+"""UWA 3D Object Recognition: complete models in range scans of four or five toys."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class U3OR(FileDataset[_Posed]):
     """The 188 published pairs of four models and 50 scenes; unit mm, scanner at the origin looking along -z.
 
     A scene without a scan is simulated from the posed models, and its pairs are semi-synthetic. The fact
-    ``occlusion`` is the published one where there is one; ``clutter`` is that of the scene in use.
+    ``occlusion`` is the published value, if any; ``clutter`` is computed from the scene in use.
     """
 
     name, title = "u3or", "U3OR"
@@ -54,17 +54,17 @@ class U3OR(FileDataset[_Posed]):
     url = "http://www.csse.uwa.edu.au/~ajmal/recognition.html (models, 50 scenes, ground truth)"
 
     def origin_of(self, name: str) -> Origin:
-        """Return "real" where the scan is there, else "semi-synthetic"."""
+        """Return "real" if the scan is available, else "semi-synthetic"."""
         return "real" if self._has_scan(self._entry(name).scene) else "semi-synthetic"
 
     def load(self, name: str) -> MatchingPair:
-        """Read the model, and read or simulate the scene."""
+        """Read the model; read or simulate the scene."""
         entry = self._entry(name)
         model, scene, path = self.model(entry.model), self.scene(entry.scene), self._poses[entry]
         pose = fitting_pose(read_transform(path), model, scene, origin=str(path))
         facts = measure_clutter(model, scene, pose)
         facts["occlusion"] = self._occlusions.get(entry, facts["occlusion"])
-        # A scan's normals are turned towards the scanner, so the scene goes in without its faces.
+        # A scan's normals are oriented to the scanner, so the scene is used without its faces.
         return MatchingPair(name, model, PointCloud(scene.points), pose, normals="mesh", facts=facts)
 
     def model(self, name: str) -> PointCloud:
@@ -82,7 +82,7 @@ class U3OR(FileDataset[_Posed]):
         return self.simulated_scene(number) if path is None else read_cloud(path)
 
     def simulated_scene(self, number: int) -> PointCloud:
-        """Look at the posed models of a scene, with faces between neighbouring pixels."""
+        """Simulate the scan of a scene's posed models, with faces between neighbouring pixels."""
 
         def simulate() -> dict[str, object]:
             image = self._look(number)
@@ -108,7 +108,7 @@ class U3OR(FileDataset[_Posed]):
         return {f"rs{pair.scene}-{pair.model}": pair for pair in self._poses}
 
     def _needed(self, entry: _Posed) -> list[tuple[Path, ...]]:
-        """Name the pose, the model, and what the scene is simulated from."""
+        """Return the files of the pose, the model, and the models of a simulated scene."""
         posed = [] if self._has_scan(entry.scene) else self._poses_in(entry.scene)
         return [(self._poses[entry],), *(self._model_places(model) for model in (entry.model, *posed))]
 
@@ -116,7 +116,7 @@ class U3OR(FileDataset[_Posed]):
         return {model: path for (scene, model), path in self._poses.items() if scene == number}
 
     def _content(self, number: int) -> list[bytes]:
-        """All that a simulated scene is made of, as the cache needs to know it."""
+        """Return all inputs of a simulated scene, as the key of the cache."""
         poses = self._poses_in(number).items()
         files = [file for model, path in poses for file in (self._locate(self._model_places(model)), path)]
         return [file.read_bytes() for file in files]
@@ -144,7 +144,7 @@ class U3OR(FileDataset[_Posed]):
 
 
 def _published_occlusions(folder: Path) -> dict[tuple[int, str], float]:
-    """Shares by scene and model; the file's lines read ``scene object percent``."""
+    """Return fractions by scene and model, from lines ``scene object percent``."""
     path = next(iter(sorted(folder.rglob("occlusion.txt"))), None)
     if path is None:
         return {}

@@ -1,4 +1,4 @@
-"""Range views of single objects: those of Stanford's repository, and UWA 3D Modeling's.
+"""Range views of single objects, from Stanford's repository and UWA 3D Modeling.
 
 Stanford's take the place of UWA 3D Modeling's, whose poses are not published.
 """
@@ -45,7 +45,7 @@ class _ViewNames(NamedTuple):
 class StanfordViews(FileDataset[_ViewNames]):
     """Pairs ``object/source-target`` of range views with an overlap of at least `MIN_OVERLAP`; unit m.
 
-    Pairs are taken from the root's manifest where it lists them; else all views are compared, which takes a
+    Pairs are read from the root's manifest if it lists them; else all views are compared, which takes a
     minute the first time.
     """
 
@@ -62,7 +62,7 @@ class StanfordViews(FileDataset[_ViewNames]):
         return list(self._pairs)
 
     def note(self) -> str:
-        """Return a sentence about listed pairs, or views of Stanford's own lists, that aren't there."""
+        """Return a sentence about missing pairs, or missing views of Stanford's lists."""
         if self._are_listed or not self._absent:
             return super().note()
         return (
@@ -117,7 +117,7 @@ def _name_of(entry: _ViewNames) -> str:
 
 
 def _read_configuration(path: Path) -> tuple[dict[str, _View], list[str]]:
-    """Read the views that are there, and name other files; lines read ``bmesh file tx ty tz qx qy qz qw``."""
+    """Return available and missing views, from lines ``bmesh file tx ty tz qx qy qz qw``."""
     views: dict[str, _View] = {}
     absent: list[str] = []
     for line in load_text(path).splitlines():
@@ -177,7 +177,7 @@ class _PosedFiles(NamedTuple):
 class U3M(FileDataset[_PosedFiles]):
     """Pairs ``model/source-target`` of views listed with a pose; unit mm, scanner at the origin of each view.
 
-    The owners publish the views, one folder per model, but no poses: whoever has some puts them in a
+    The owners publish the views, one folder per model, but no poses: put your own poses in a
     `LIST_FILE` beside the views.
     """
 

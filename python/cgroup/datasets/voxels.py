@@ -10,7 +10,7 @@ _MOST_CELLS = 1e6  # along an axis, so that the number of a cell fits into 64 bi
 
 
 def voxel_means(points: FloatArray, size: float) -> FloatArray:
-    """Mean of the points (N,3) in each occupied cell of a grid, ordered by cell; cells are `size` wide."""
+    """Return the mean point of each occupied grid cell, in the order of cells; `size` is the edge length."""
     above = points - points.min(axis=0)
     width = max(size, above.max() / _MOST_CELLS)
     cells = np.floor(above / width).astype(np.int64)
@@ -23,7 +23,7 @@ def voxel_means(points: FloatArray, size: float) -> FloatArray:
 
 
 def voxel_subset(points: FloatArray, count: int) -> FloatArray:
-    """Voxel means, with the cell size that leaves the number of points nearest to the one asked for."""
+    """Return voxel means, with the cell size whose number of points is nearest to a given one."""
     if count == len(points):
         return points
     extent = float(np.ptp(points, axis=0).max())

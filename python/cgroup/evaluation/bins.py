@@ -33,7 +33,7 @@ _ROUNDING = 1e-9  # 0.7 read from a file belongs to the level 0.7
 
 
 def binned(values: ArrayLike, bins: Bins) -> FloatArray:
-    """Replace each value (n,) in [0,1] by its level; NaN for a value that belongs to none."""
+    """Replace each value (n,) in [0,1] by its level; NaN for a value outside all levels."""
     given = np.asarray(values, dtype=np.float64)
     levels = np.array(bins.levels)
     step = levels[1] - levels[0]

@@ -43,7 +43,7 @@ def match_errors(source: AnyCloud, target: AnyCloud, T_target_source: ArrayLike)
 def correct_matches(
     source: AnyCloud, target: AnyCloud, T_target_source: ArrayLike, *, tolerance: float
 ) -> BoolArray:
-    """Return which matches are correct: ``|R p + t - p'|`` <= tolerance.
+    """Return the mask of correct matches: ``|R p + t - p'|`` <= tolerance.
 
     Further parameters as for `match_errors`.
 
@@ -69,7 +69,7 @@ def correct_matches(
 
 
 def overlap(source: AnyCloud, target: AnyCloud, T_target_source: ArrayLike, *, tolerance: float) -> float:
-    """Return the share of the smaller view that the other view contains too.
+    """Return the fraction of the smaller view that the other view contains.
 
     Points overlap that have a point of the other view within the tolerance under the true pose. They are
     counted in both directions; the smaller count is divided by the size of the smaller view.
@@ -163,7 +163,7 @@ def clutter_and_occlusion(
     *,
     tolerance: float,
 ) -> tuple[float, float]:
-    """Return clutter (share of a scene that isn't the model) and occlusion.
+    """Return clutter (fraction of a scene outside the model) and occlusion.
 
     Parameters
     ----------

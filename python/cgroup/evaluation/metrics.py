@@ -17,7 +17,7 @@ REGISTERED_PRECISION = 0.1  # A pair counts as registered when its group's preci
 
 
 class Scores(NamedTuple):
-    """Scores of groups, of the shape of their counts; shares of nothing are 0."""
+    """Scores of groups, in the shape of their counts; a fraction of nothing is 0."""
 
     inlier_ratio: FloatArray
     precision: FloatArray
@@ -29,7 +29,7 @@ class Scores(NamedTuple):
 def score_counts(
     matches: ArrayLike, correct: ArrayLike, selected: ArrayLike, selected_correct: ArrayLike
 ) -> Scores:
-    """Score groups by their counts, of one shape; NaN, and not registered, where a count is NaN."""
+    """Score groups by their counts, all of one shape; NaN counts give NaN scores and are not registered."""
     names = ("matches", "correct", "selected", "selected_correct")
     given = (matches, correct, selected, selected_correct)
     counts = [as_floats(name, count) for name, count in zip(names, given, strict=True)]
@@ -49,7 +49,7 @@ def score_counts(
 
 @dataclass(frozen=True)
 class GroupScore:
-    """Counts of a group against the correct matches, and scores that follow.
+    """Counts of a group against the correct matches, and derived scores.
 
     Attributes
     ----------
@@ -66,12 +66,12 @@ class GroupScore:
 
     @property
     def precision(self) -> float:
-        """Share of the group that is correct; 0 for an empty group."""
+        """Fraction of the group that is correct; 0 for an empty group."""
         return float(self._scores.precision)
 
     @property
     def recall(self) -> float:
-        """Share of the correct matches that the group holds; 0 if there are none."""
+        """Fraction of the correct matches in the group; 0 without correct matches."""
         return float(self._scores.recall)
 
     @property
@@ -81,7 +81,7 @@ class GroupScore:
 
     @property
     def inlier_ratio(self) -> float:
-        """Share of all matches that is correct; 0 if there are no matches."""
+        """Fraction of all matches that are correct; 0 without matches."""
         return float(self._scores.inlier_ratio)
 
     @property
@@ -124,13 +124,13 @@ def score_group(mask: ArrayLike, correct: ArrayLike) -> GroupScore:
 
 
 def harmonic_mean(precision: ArrayLike, recall: ArrayLike) -> FloatArray:
-    """Return the harmonic means of precisions and recalls; 0 where both are 0."""
+    """Return the harmonic means of precisions and recalls; 0 if both are 0."""
     one, other = np.asarray(precision, dtype=np.float64), np.asarray(recall, dtype=np.float64)
     return divide(2 * one * other, one + other)
 
 
 def divide(part: ArrayLike, whole: ArrayLike) -> FloatArray:
-    """Return shares; 0 where the whole is 0."""
+    """Return fractions; 0 if the whole is 0."""
     total = np.asarray(whole, dtype=np.float64)
     with np.errstate(over="ignore", invalid="ignore"):  # counts that are no numbers have no share
         return np.asarray(part, dtype=np.float64) / np.where(total == 0, 1, total)

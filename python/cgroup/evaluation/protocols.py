@@ -1,4 +1,4 @@
-"""Criteria by which a pair counts as registered, by name.
+"""Criteria of a registered pair, by name.
 
 3DMatch's own criterion, an RMSE below 0.2 m by ``gt.info``, is not among these; ``cgroup evaluate`` has both.
 """

@@ -68,7 +68,7 @@ class Recall:
         return f"{', '.join(limits)}; all {pairs}; mean of {self.average}{source}"
 
     def counted(self, found: PairErrors) -> BoolArray:
-        """Return which pairs count."""
+        """Return the mask of the pairs that count."""
         counts = np.array([self.consecutive or abs(source - target) > 1 for _, target, source in found.keys])
         if not self.first:
             counts[np.unique([scene for scene, _, _ in found.keys], return_index=True)[1]] = False
@@ -82,12 +82,12 @@ class Recall:
         return bool(counts.any() and (self.max_rmse is None or not np.isnan(found.rmse[counts]).any()))
 
     def excess(self, found: PairErrors) -> FloatArray:
-        """Return the errors of each pair as multiples of the limits, the greatest; NaN if one is unknown."""
+        """Return the greatest error of each pair as a multiple of its limit; NaN if an error is unknown."""
         errors = dict(zip(_LIMITS, (found.rotation, found.translation, found.rmse), strict=True))
         return np.max([errors[name] / limit for name, limit in self._limits()], axis=0)
 
     def registered(self, found: PairErrors, factor: float = 1.0) -> BoolArray:
-        """Return which pairs are within the limits, times a factor."""
+        """Return the mask of the pairs within the limits times a factor."""
         excess = self.excess(found)
         return excess <= factor if self.inclusive else excess < factor
 
@@ -195,7 +195,7 @@ def refuse_inverses(truth: PairPoses, found: PairPoses, scored: PairErrors, reca
 
 
 def _interval(right: BoolArray, scenes: NDArray[np.str_]) -> tuple[float, float]:
-    """Return the interval of 95 % of the mean of the shares of scenes: Wilson's of each, JASA 1927.
+    """Return the 95 % interval of the mean recall of scenes, from Wilson's interval of each, JASA 1927.
 
     Those of several are combined as Zou and Donner do, Statistics in Medicine 2008.
     """
@@ -209,7 +209,7 @@ def _interval(right: BoolArray, scenes: NDArray[np.str_]) -> tuple[float, float]
 
 
 def compare_results(found: Mapping[str, PairErrors], recall: Recall) -> list[dict[str, Any]]:
-    """Test every two results of the same pairs, in any order: pairs registered by one only, and p by Holm.
+    """Test every two results on the same pairs: pairs registered by one only, and p adjusted by Holm.
 
     Pairs without numbers are identified by their order in the scene.
     """

@@ -77,7 +77,7 @@ def redwood_errors(estimated: FloatArray, true: FloatArray, information: FloatAr
 
 
 def registration_recall(registered: ArrayLike, *, scenes: Sequence[str] | None = None) -> float:
-    """Return the share of registered pairs, or the mean of the shares of scenes.
+    """Return the fraction of registered pairs, or the mean of the fractions of scenes.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ def registration_recall(registered: ArrayLike, *, scenes: Sequence[str] | None =
 def feature_matching_recall(
     inlier_ratios: ArrayLike, *, least: float = 0.05, scenes: Sequence[str] | None = None
 ) -> float:
-    """Return the share of pairs with an inlier ratio above a threshold.
+    """Return the fraction of pairs with an inlier ratio above a threshold.
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ def feature_matching_recall(
 def inlier_ratio(
     source: AnyCloud, target: AnyCloud, T_target_source: ArrayLike, *, distance: float = 0.1
 ) -> float:
-    """Return the share of matches whose points are close under the true pose.
+    """Return the fraction of matches whose points are close under the true pose.
 
     Further parameters as for `match_errors`.
 
@@ -163,7 +163,7 @@ def inlier_ratio(
 
 
 def mean_average_accuracy(errors: ArrayLike, limits: ArrayLike) -> float:
-    """Return the mean over limits of the share of errors up to each (mAA).
+    """Return the mean over limits of the fraction of errors up to each (mAA).
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Files of registration results and of true poses, in the formats of the field's tools.
 
 A pair is the number of its target and of its source in a scene; its pose maps the source into the target's
-frame, as ``i j`` of Redwood's logs does. Trajectories and graphs give the pairs that the truth asks for.
+frame, as ``i j`` of Redwood's logs does. Trajectories and graphs give the pairs of the truth.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ Key = tuple[str, int, int]  # scene, target and source
 
 
 class _Clouds(NamedTuple):
-    """Row, component and pose of clouds; the names of all, also of those without a pose, by row."""
+    """Row, component and pose of clouds; names by row, also of clouds without a pose."""
 
     placed: Sequence[tuple[int, int | None, Any]]
     names: dict[int, str]
@@ -154,7 +154,7 @@ def show_pair(key: Key) -> str:
 
 
 def _files_of(path: Path, *, is_truth: bool) -> list[Path]:
-    """Return the files of a truth or of a result, which may share a folder; logs of pairs take precedence."""
+    """Return the files of a truth or a result, which may share a folder; logs of pairs take precedence."""
     if not path.is_dir():
         return [path]
     files = sorted(file for file in path.rglob("*") if file.suffix.lower() in _SUFFIXES)
@@ -249,7 +249,7 @@ def _read_graph(file: Path) -> _Clouds | _Pairs:
 
 
 def _read_trajectory(file: Path) -> _Clouds | _Pairs:
-    """Read a pose per line: of TUM, whose times in s or us number the clouds, or of KITTI."""
+    """Read a pose per line, of KITTI or of TUM, whose times in s or us are the numbers of the clouds."""
     poses, pair = read_transforms(file), _numbers_in(file)
     if len(poses) == 1 and pair:
         return [("", *pair, poses[0])]
@@ -269,7 +269,7 @@ def _read_trajectory(file: Path) -> _Clouds | _Pairs:
 
 
 def _read_npz(file: Path) -> _Pairs:
-    """Read ``pairs``, ``poses`` and maybe ``scenes``, or the pose of one pair as GeoTransformer keeps it."""
+    """Read ``pairs``, ``poses`` and optionally ``scenes``, or the pose of one pair by GeoTransformer."""
     pair, arrays = _numbers_in(file), read_arrays(file, optional=["estimated_transform"])
     if pair and arrays:
         pairs, poses, scenes = np.array([pair]), arrays["estimated_transform"][None], np.array([""])

@@ -136,7 +136,7 @@ def as_labels(name: str, value: object, count: int, what: str) -> list[str]:
 
 
 def ecdf(errors: ArrayLike, limits: ArrayLike) -> FloatArray:
-    """Return the shares of errors up to limits.
+    """Return the fractions of errors up to limits.
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ def ecdf(errors: ArrayLike, limits: ArrayLike) -> FloatArray:
     Returns
     -------
     (L,) array of float64
-        One share per limit; NaN without errors.
+        One fraction per limit; NaN without errors.
     """
     values, bounds = as_floats("errors", errors).ravel(), as_floats("limits", limits).ravel()
     if not len(values):

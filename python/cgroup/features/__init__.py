@@ -1,4 +1,4 @@
-"""The front end: from a point cloud to keypoints, frames, descriptors and matches.
+"""The front end: keypoints, frames, descriptors and matches of point clouds.
 
 The steps are those of J. Yang, K. Xian, P. Wang, Y. Zhang, TPAMI 2019, section 4.1, each usable alone.
 

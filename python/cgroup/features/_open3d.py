@@ -33,7 +33,7 @@ def iss(
 
 
 def refuse_options(*, density_weight: bool, count: int | None) -> None:
-    """Refuse options of ISS that Open3D does not have."""
+    """Raise for options of ISS that Open3D does not have."""
     for name, given in (("density_weight", density_weight), ("count", count is not None)):
         if given:
             raise InputError(name, remedy="Open3D's detector has no such option; use backend='cgroup'")

@@ -25,7 +25,7 @@ _HASH = np.uint64(0x9E3779B97F4A7C15), np.uint64(29)
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """One point for each place of a cloud, and the way back to the points as given."""
+    """Distinct points of a cloud, and their mapping to the input points."""
 
     core: _core.Cloud  # of the first point of each place, in the order of the cloud
     # (M,), row of each of them in the cloud; None where no two points coincide
@@ -33,7 +33,7 @@ class Places:
     rows: IndexArray | None = None  # (N,), place of each point of the cloud; None where no two coincide
 
     def keypoints(self, rows: IndexArray) -> IndexArray:
-        """Return the places of rows of the cloud."""
+        """Return the distinct points of rows of the cloud."""
         if self.rows is None:  # the core checks them
             return rows
         wrong = np.flatnonzero(rows >= len(self.rows))
@@ -43,7 +43,7 @@ class Places:
         return self.rows[rows]
 
     def normals(self, given: RealArray) -> RealArray:
-        """Return the normal of each place: of its points the first that has one."""
+        """Return the normal of each distinct point: the first normal of its coincident points."""
         if self.first is None or self.rows is None:  # the core checks their number
             return given
         if len(given) != len(self.rows):
@@ -54,16 +54,16 @@ class Places:
         return given[chosen]
 
     def spread(self, values: NDArray[Value]) -> NDArray[Value]:
-        """Return the value of each point of the cloud from those of the places."""
+        """Return the value of each point of the cloud from those of the distinct points."""
         return values if self.rows is None else values[self.rows]
 
     def first_rows(self, places: IndexArray) -> IndexArray:
-        """Return the row of the first point at each of these places, ascending as they are."""
+        """Return the first row of each of these distinct points, ascending if they are."""
         return places if self.first is None else self.first[places]
 
 
 def find_distinct(points: RealArray) -> IndexArray | None:
-    """Return the first row of each distinct point, ascending; None where no two coincide."""
+    """Return the first row of each distinct point, ascending; None if no two coincide."""
     keys = np.zeros(len(points), dtype=np.uint64)
     multiplier, shift = _HASH
     bits = np.dtype(f"u{points.dtype.itemsize}")
@@ -94,7 +94,7 @@ class Cloud:
 
     Each of them takes an array too, but then checks, centres and indexes it again. A `Cloud` keeps its
     search tree, the neighbours within the last three radii, and its resolution: up to 240 bytes per point.
-    Results are the same bits. Threads may share a cloud.
+    Results are identical to the bit. Threads may share a cloud.
 
     Parameters
     ----------
@@ -131,12 +131,12 @@ class Cloud:
         self._places: Places | None = None
 
     def __reduce__(self) -> tuple[Callable[[RealArray], Cloud], tuple[RealArray]]:
-        """Pickle the points; they are indexed anew."""
+        """Pickle the points; the index is built again."""
         return partial(Cloud, name=self._name), (self._points,)
 
     @property
     def points(self) -> RealArray:
-        """The points as given, read-only: (N,3) array of float32 or float64."""
+        """The input points, read-only: (N,3) array of float32 or float64."""
         return self._points
 
     @property
@@ -156,14 +156,14 @@ CloudLike: TypeAlias = "Cloud | AnyCloud"
 
 
 def core_cloud(points: CloudLike, name: str = "points") -> _core.Cloud:
-    """Return what the compiled core takes: that of the cloud, or one of the array alone."""
+    """Return the compiled core's cloud: that of the cloud, or a new one of an array."""
     if isinstance(points, Cloud):
         return points._core  # noqa: SLF001 # pyright: ignore[reportPrivateUsage] - not for users
     return _core.Cloud(real_points(name, points), name)
 
 
 def places_of(points: CloudLike, name: str = "points") -> Places:
-    """Return one point for each place of a cloud, for the compiled core; a `Cloud` keeps them."""
+    """Return the distinct points of a cloud for the compiled core; a `Cloud` stores them."""
     if not isinstance(points, Cloud):
         return _find_places(real_points(name, points), core_cloud(points, name), name)
     known = points._places  # noqa: SLF001 # pyright: ignore[reportPrivateUsage] - not for users
@@ -213,7 +213,7 @@ def resolution(points: CloudLike, *, ignore_zero: bool = False, threads: int | N
 
 
 def resolution_of(places: Places, threads: int | None) -> float:
-    """Return the resolution of the distinct points of a cloud, which keeps it."""
+    """Return the resolution of the distinct points of a cloud, which stores it."""
     if places.rows is not None and len(places.core) < 2:
         got = f"{len(places.rows)} points that all coincide"
         raise InputError("points", got, "a resolution needs two distinct points")
@@ -222,7 +222,7 @@ def resolution_of(places: Places, threads: int | None) -> float:
 
 @explain_wrong_calls
 def within(points: AnyCloud, others: AnyCloud, radius: float) -> BoolArray:
-    """Return which points have at least one of the others within a radius.
+    """Return the mask of points with at least one of the others within a radius.
 
     Parameters
     ----------

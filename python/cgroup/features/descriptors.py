@@ -27,7 +27,7 @@ class DescribedCloud:
     points : (m,3) array of float64
         Positions.
     lrf : (m,3,3) array of float64
-        SHOT's local reference frames, rows are the axes; NaN where there is none.
+        SHOT's local reference frames, rows are the axes; NaN for missing ones.
     descriptors : (m,d) array of float32
         All finite, none zero.
     resolution : float
@@ -65,7 +65,7 @@ def shot_lrf(
     Returns
     -------
     (m,3,3) array of float64
-        Rows are the x, y and z axes, right-handed; a NaN block where fewer than 5 neighbours make no frame.
+        Rows are the x, y and z axes, right-handed; a NaN block with fewer than 5 neighbours.
 
     Examples
     --------

@@ -31,7 +31,7 @@ def length_or_multiple(
     unit: float | None,
     threads: int | None,
 ) -> float:
-    """Return the length `given`, or else `factor` times the resolution."""
+    """Return the length `given`, or `factor` times the resolution if it is None."""
     known = None if unit is None else as_length("resolution", unit)
     if given is not None:
         return as_length(name, given)
@@ -216,7 +216,7 @@ def drop_isolated(
     min_points: int = 10,
     threads: int | None = None,
 ) -> IndexArray:
-    """Keep the keypoints that have enough points around them to be described.
+    """Keep the keypoints with enough neighbours for a descriptor.
 
     Further parameters are as for `shot`.
 

@@ -13,7 +13,7 @@ from cgroup._checks.values import as_count, as_flag, as_number, run_options
 from cgroup.errors import InputError
 from cgroup.types import BoolArray, FloatArray, IndexArray, RealArray
 
-MOST_BYTES = 2**30  # what matches may take while they are computed; some sixteen million of them
+MOST_BYTES = 2**30  # memory of matches during the computation; some sixteen million matches
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class Matches:
         1 for a source's nearest target, 2 for the next; ascending for each source.
     distance, second_distance : (n,) array of float64
         Euclidean distance between the two, and from the source to its second-nearest target; the second is
-        infinite where there is only one.
+        infinite if there is only one.
     similarity : (n,) array of float64
         ``1 - |f_norm - f'_norm|`` on descriptors scaled to unit length, higher is better; -inf where one
         is zero (paper, section 3.1).

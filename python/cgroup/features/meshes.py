@@ -33,7 +33,7 @@ def sample_mesh(mesh: AnyCloud, *, spacing: float | None = None) -> PointCloud:
     Returns
     -------
     PointCloud
-        Points and unit normals, which point outwards where the mesh is closed; the vertices come first.
+        Points and unit normals, which point outwards if the mesh is closed; the vertices are first.
     """
     cloud = as_cloud("mesh", mesh)
     size = None if spacing is None else as_length("spacing", spacing)
@@ -95,6 +95,6 @@ def _sample_triangles(
 
 
 def _count_up(counts: IndexArray) -> tuple[IndexArray, IndexArray]:
-    """Return each row so many times, and how often it came before."""
+    """Return each row repeated by its count, and the index of each repetition."""
     rows = np.repeat(np.arange(len(counts)), counts)
     return rows, np.arange(len(rows)) - np.repeat(np.cumsum(counts) - counts, counts)

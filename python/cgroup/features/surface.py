@@ -70,7 +70,7 @@ def normals(
 def mesh_normals(points: CloudLike, faces: ArrayLike) -> FloatArray:
     """Return consistently oriented vertex normals of a mesh, weighted by area.
 
-    Faces are turned alike within every connected part: outwards where the part is closed, else as most of
+    Faces are oriented consistently within every connected part: outwards if it is closed, else as most of
     its area is wound. Cost O(F log F).
 
     `points` are as for `shot`.

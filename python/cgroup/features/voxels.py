@@ -144,13 +144,13 @@ def choose_voxel(*clouds: CloudLike, voxels: int = 5000, threads: int | None = N
 def thin(
     points: CloudLike, voxel: float, *, normals: RealArray | None = None, threads: int | None = None
 ) -> Voxels:
-    """As `voxel_downsample`, along the cloud's own axes: the frame changes voxels by rounding only."""
+    """Downsample along the cloud's own axes, so that voxels depend on the frame by rounding only."""
     return Voxels(
         *_core.voxel_downsample(core_cloud(points), normals, run_options(threads), voxel, own_axes=True)
     )
 
 
 def choose_thinning(*clouds: CloudLike, voxels: int, threads: int | None) -> float:
-    """As `choose_voxel`, for `thin`."""
+    """Choose the voxel size for `thin`, as `choose_voxel` does."""
     cores = [places_of(cloud).core for cloud in clouds]
     return _core.choose_voxel(cores, run_options(threads), voxels, own_axes=True)

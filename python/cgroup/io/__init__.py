@@ -1,7 +1,7 @@
 """Files: point clouds, rigid transforms, correspondences.
 
 Point clouds are parsed without other libraries, but for depth images in PNG (``cgroup[scans]``). Files may
-come from anywhere: whatever is wrong with one ends in one `InputError` that names it.
+come from anywhere: any fault of a file raises one `InputError` that names it.
 """
 
 from cgroup.io.clouds import read_cloud, read_descriptors, write_cloud, write_descriptors, write_keypoints

@@ -71,7 +71,7 @@ def parse_e57(content: bytes) -> PointCloud:
 
 
 def unread_fields(file: BinaryIO) -> list[str]:
-    """Return the names of the fields that `parse_e57` does not read; none of a damaged file."""
+    """Return the names of the fields that `parse_e57` does not read; none for a damaged file."""
     file.seek(_XML_PLACE)
     address, length = struct.unpack("<QQ", file.read(16).ljust(16, b"\0"))
     file.seek(min(address // _PAGE * _PAGE, file.seek(0, os.SEEK_END)))
@@ -87,7 +87,7 @@ def unread_fields(file: BinaryIO) -> list[str]:
 
 
 def _checked_pages(content: bytes) -> bytes:
-    """Return what the pages hold, where the checksum of each is right."""
+    """Return the content of the pages; raise for a wrong checksum."""
     if content[:8] != b"ASTM-E57":
         raise InputError("doesn't begin with ASTM-E57")
     major, _, length, page = struct.unpack_from("<IIQ16xQ", content, 8)
@@ -127,7 +127,7 @@ _CRC = _crc_table()
 
 
 def _logical(address: int) -> int:
-    """Return where in the pages' content a byte of the file stands."""
+    """Return the offset of a byte of the file within the content of the pages."""
     return address // _PAGE * _USED + min(address % _PAGE, _USED)
 
 
@@ -141,7 +141,7 @@ def _description(data: bytes, content: bytes) -> Element:
 
 
 def _parse_xml(text: bytes) -> Element:
-    if b"<!DOCTYPE" in text:  # what entities stand for could be of any size
+    if b"<!DOCTYPE" in text:  # entities could expand to any size
         raise InputError("its description has a document type, which E57 has not")
     return ET.fromstring(text.decode())  # noqa: S314 - of bounded size, and without entities
 
@@ -160,7 +160,7 @@ def _children(entry: Element, name: str) -> list[Element]:
 
 
 def _number(entry: Element | None, name: str) -> float:
-    """Return the number of a child; an empty one is 0."""
+    """Return the number in a child element; 0 if it is empty."""
     child = _child(entry, name)
     return float((child.text if child is not None else None) or 0)
 
@@ -216,7 +216,7 @@ class _Scan:
         return PointCloud(points, normals, colors=self._colors(columns), viewpoint=place)
 
     def _columns(self) -> dict[str, FloatArray]:
-        """Return the numbers of the fields that are taken, by name."""
+        """Return the numbers of the used fields, by name."""
         streams = {row: bytearray() for row in self.taken}
         place, end = self._packets, self._start + self.length
         while place < end:
@@ -233,7 +233,7 @@ class _Scan:
         }
 
     def _colors(self, columns: dict[str, FloatArray]) -> NDArray[np.uint8] | None:
-        """Return colours in bytes, by the limits that the scan or the fields declare."""
+        """Return colours as bytes, by the declared limits of the scan or the fields."""
         colors = _stack(columns, _COLOR)
         if colors is None:
             return None
@@ -268,7 +268,7 @@ def _field(entry: Element) -> _Field:
 
 
 def _add(streams: dict[int, bytearray], packet: memoryview, fields: int) -> None:
-    """Add to each stream what a packet has of it."""
+    """Append a packet's data to each stream."""
     (count,) = struct.unpack_from("<4xH", packet)
     lengths = np.frombuffer(packet, "<u2", count, offset=6)
     ends = np.cumsum(lengths, dtype=np.int64) + 6 + 2 * count
@@ -279,7 +279,7 @@ def _add(streams: dict[int, bytearray], packet: memoryview, fields: int) -> None
 
 
 def _integers(plain: NDArray[np.uint8], records: slice, bits: int, least: int) -> NDArray[np.int64]:
-    """Return numbers of so many bits each, from the lowest bit of the first byte on."""
+    """Return numbers of equal width in bits, from the lowest bit of the first byte."""
     starts = np.arange(records.start, records.stop, dtype=np.int64) * bits
     places, shifts = starts >> 3, (starts & 7).astype(np.uint64)
     words = np.ndarray((len(plain) - 8,), "<u8", plain, strides=(1,))[places] >> shifts

@@ -26,7 +26,7 @@ _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 
 
 def parse_gltf(content: bytes, folder: Path | None = None) -> PointCloud:
-    """Return what the scene shows; its buffers may lie in the folder."""
+    """Return the cloud of the scene; its buffers may be files in the folder."""
     text, binary = _chunks(content) if content[:4] == b"glTF" else (content, b"")
     document: Any = json.loads(text)
     if str(document["asset"]["version"]).split(".")[0] != "2":
@@ -76,7 +76,7 @@ class _Scene:
         return join_clouds(parts)
 
     def _roots(self) -> list[int]:
-        """Return the nodes that the scene begins with; where there is none, those that no node has."""
+        """Return the root nodes of the scene; without a scene, the nodes without a parent."""
         if self._document.get("scenes"):
             return list(reversed(self._item("scenes", self._document.get("scene", 0)).get("nodes", [])))
         nodes = self._document.get("nodes", [])
@@ -90,7 +90,7 @@ class _Scene:
         return items[row]
 
     def _part(self, attributes: tuple[Any, ...], primitives: list[Any], matrix: FloatArray) -> PointCloud:
-        """Return points, and the triangles of all primitives that have them."""
+        """Return the points and triangles of all primitives that have some."""
         position, normal, color = attributes
         points = self._accessor(position, "VEC3")
         normals = None if normal is None else self._accessor(normal, "VEC3")
@@ -104,7 +104,7 @@ class _Scene:
         if faces is not None and across < 0:
             faces = faces[:, ::-1]
         if normals is not None:
-            # The cofactors are the inverse's transpose, times what the length takes out again.
+            # The cofactors are the inverse's transpose, up to a factor that normalization removes.
             x, y, z = matrix[:3, :3].T
             cofactors = np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)], axis=1)
             normals = np.einsum("ij,nj->ni", np.copysign(1, across) * cofactors, normals)
@@ -158,12 +158,12 @@ class _Scene:
         return values
 
     def _grow(self, more: int) -> None:
-        """Count bytes of the result: an accessor may be used many times, and needs no buffer for zeros."""
+        """Count bytes of the result: accessors can be reused, and zeros need no buffer."""
         self._grown += more
         check_growth("its points", self._grown, self._size)
 
     def _rows(self, entry: Any, component: Any, count: int, width: int) -> NDArray[Any]:  # noqa: ANN401
-        """Return rows of numbers of a part of a buffer."""
+        """Return rows of numbers from a part of a buffer."""
         if component not in _COMPONENTS:
             raise InputError(f"numbers of component type {component!r}")
         view = self._item("bufferViews", entry["bufferView"])
@@ -180,7 +180,7 @@ class _Scene:
         return np.ndarray((count, width), dtype, content, offset if count else 0, (step, dtype.itemsize))
 
     def _buffer(self, row: Any) -> bytes:  # noqa: ANN401
-        """Return a buffer: of the file, or in text within it, or of a file beside it."""
+        """Return a buffer: in the file, in its text, or in a separate file."""
         entry = self._item("buffers", row)
         if row not in self._buffers:
             uri, length = entry.get("uri"), _count(entry["byteLength"])
@@ -197,7 +197,7 @@ class _Scene:
         return self._buffers[row]
 
     def _beside(self, name: str) -> bytes:
-        """Read a file of the folder; never one elsewhere, whatever a file asks for."""
+        """Read a file in the folder; raise for a path outside it."""
         folder = self._folder
         is_plain = name.endswith(".bin") and name == Path(name).name and not set(name) & set("/\\:")
         if folder is None or not is_plain or (folder / name).resolve().parent != folder.resolve():
@@ -206,7 +206,7 @@ class _Scene:
 
 
 def _attributes(primitive: Any) -> tuple[Any, ...]:  # noqa: ANN401
-    """Return the accessors of points, normals and colours; None for those that there are none of."""
+    """Return the accessors of points, normals and colours; None for a missing one."""
     if "KHR_draco_mesh_compression" in primitive.get("extensions", {}):
         raise InputError("its meshes are compressed by Draco; write it without")
     attributes = primitive["attributes"]
@@ -220,7 +220,7 @@ def _count(value: Any) -> int:  # noqa: ANN401 - whatever stands in the file
 
 
 def _local(node: Any) -> FloatArray:  # noqa: ANN401
-    """Return the matrix of a node: as it stands there, or of translation, rotation and scale."""
+    """Return the matrix of a node: the stored one, or that of translation, rotation and scale."""
     if "matrix" in node:
         return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
     matrix = np.eye(4)

@@ -1,4 +1,4 @@
-"""What files of clouds have of each point that is neither used nor kept."""
+"""Attributes of points in files of clouds that are neither used nor kept."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _COMMENTS, _LEAST_COLUMNS = ("#", "//"), 3
 
 
 def unkept_attributes(path: str | os.PathLike[str]) -> list[str]:
-    """Return the names of what is neither used nor kept, as far as the header of the file has them."""
+    """Return the names of attributes that are neither used nor kept, from the header of the file."""
     suffix = Path(path).suffix.lower()
     try:
         with Path(path).open("rb") as file:
@@ -63,7 +63,7 @@ def unkept_attributes(path: str | os.PathLike[str]) -> list[str]:
 
 
 def _unread_columns(text: str, suffix: str) -> list[str]:
-    """Return the columns of a text that are not read: their names if a line has names, else their numbers."""
+    """Return the unread columns of a text: their names if a line has names, else their numbers."""
     rows = [row.strip() for row in text.splitlines()]
     comments = [row.lstrip("#/") for row in rows if row.startswith(_COMMENTS)]
     points = [
@@ -90,6 +90,6 @@ def _names_of(row: str) -> list[str]:
 
 
 def _numbers_of(row: str) -> list[str]:
-    """Return the fields of a line; commas are decimal where white space or semicolons separate the fields."""
+    """Return the fields of a line; commas are decimal if white space or semicolons separate the fields."""
     is_decimal = re.search(r"[\s;]", row) and not re.search(r",\s", row)
     return re.findall(r"[^\s;]+" if is_decimal else r"[^\s,;]+", row)

@@ -60,7 +60,7 @@ def read_cloud(path: str | os.PathLike[str]) -> PointCloud:
     Returns
     -------
     PointCloud
-        Points, and normals, faces, colours and the scanner's place where the file has them.
+        Points; normals, faces, colours and the scanner's position if the file has them.
 
     Examples
     --------
@@ -73,7 +73,7 @@ def read_cloud(path: str | os.PathLike[str]) -> PointCloud:
     """
     path = as_path("path", path)
     suffix = path.suffix.lower()
-    # The buffers of a glTF file may lie beside it.
+    # The buffers of a glTF file may be next to it.
     reader = partial(parse_gltf, folder=path.parent) if suffix == ".gltf" else PARSERS.get(suffix)
     if reader is None:
         if path.is_dir():
@@ -92,7 +92,7 @@ def write_cloud(path: str | os.PathLike[str], cloud: AnyCloud, *, dtype: Real = 
     path : path-like
         Must end in ``.ply`` or ``.pcd``.
     cloud : PointCloud or (N,3) array_like of float
-        Or a cloud of another library. Normals and colours are written where there are any; faces in PLY, and
+        Or a cloud of another library. Normals and colours are written if present; faces in PLY, and
         the viewpoint in PCD, as the other format has none.
     dtype : {"float64", "float32"}
         Of coordinates and normals. Double precision keeps them to the last bit; PCL's point types and many
@@ -131,7 +131,7 @@ def _check_digits(points: FloatArray) -> None:
 
 
 def _records(columns: list[tuple[str, str, NDArray[Any]]], count: int) -> bytes:
-    """Return the bytes of all points: of each, the numbers of all columns."""
+    """Return the bytes of all points, row by row."""
     records = np.empty(count, dtype=[(name, kind) for name, kind, _ in columns])
     for name, _, values in columns:
         if len(values) != count:
@@ -222,7 +222,7 @@ def write_descriptors(path: str | os.PathLike[str], described: DescribedCloud) -
     path : path-like
         Must end in ``.npz``; the arrays are named as the fields of `DescribedCloud`.
     described : DescribedCloud
-        What to write.
+        Described keypoints.
 
     Examples
     --------
@@ -250,7 +250,7 @@ def read_descriptors(path: str | os.PathLike[str]) -> DescribedCloud:
     Returns
     -------
     DescribedCloud
-        Exactly what was written.
+        Identical to the written keypoints.
 
     Examples
     --------
@@ -273,7 +273,7 @@ def read_descriptors(path: str | os.PathLike[str]) -> DescribedCloud:
 
 
 def _table(name: str, value: NDArray[Any], shape: tuple[int | None, ...]) -> Any:  # noqa: ANN401 - as written
-    """Return numbers of a shape, whose None stands for any length."""
+    """Return numbers of a shape, in which None is any length."""
     array = as_reals(name, value)
     if array.ndim != len(shape) or any(n not in (None, m) for n, m in zip(shape, array.shape, strict=True)):
         wanted = ",".join("d" if n is None else str(n) for n in shape)
@@ -282,7 +282,7 @@ def _table(name: str, value: NDArray[Any], shape: tuple[int | None, ...]) -> Any
 
 
 def _finite_cloud(path: Path, cloud: PointCloud) -> PointCloud:
-    """Leave out points that aren't finite, and the triangles that touch them."""
+    """Remove points that are not finite, and their triangles."""
     points, faces = cloud.points, cloud.faces
     if len(points) == 0:
         raise InputError(f"{path}: holds no points")
@@ -315,7 +315,7 @@ def _parse_npz(content: bytes) -> PointCloud:
 
 
 def _content_of(array: NDArray[Any]) -> PointCloud:
-    """Return the points of an array, or those of records and their normals."""
+    """Return the points of an array, or the points and normals of records."""
     parts = cloud_parts("array", array.reshape(-1)) if array.dtype.names else None
     if parts is None:
         return PointCloud(_points(array))
@@ -362,7 +362,7 @@ PARSERS: dict[str, Callable[[bytes], PointCloud]] = {
 
 
 def find_clouds(name: str, paths: Iterable[str | os.PathLike[str]]) -> list[Path]:
-    """Return the files that paths stand for: the clouds of a folder, and what a pattern matches, by name."""
+    """Return the files of paths, sorted by name: the clouds of a folder, and the matches of a pattern."""
     return [file for path in paths for file in _files_of(name, as_path(name, path))]
 
 

@@ -75,20 +75,20 @@ def _read_table(path: Path) -> dict[str, Any]:
 
 
 def _load_csv(content: bytes) -> FloatArray:
-    """Read rows of numbers, without a first line that begins with a name."""
+    """Read rows of numbers; a first line that begins with a name is skipped."""
     first, _, rest = content.partition(b"\n")
     return load_numbers(rest if rest and _NAME.match(first) else content)
 
 
 def write_correspondences(path: str | os.PathLike[str], correspondences: Correspondences) -> None:
-    """Write correspondences with every field they have.
+    """Write correspondences with all their fields.
 
     Parameters
     ----------
     path : path-like
         Must end in ``.npz``.
     correspondences : Correspondences
-        What to write.
+        Correspondences with their fields.
     """
     path = written_path(path, "correspondences", ".npz")
     as_instance("correspondences", correspondences, Correspondences)
@@ -97,7 +97,7 @@ def write_correspondences(path: str | os.PathLike[str], correspondences: Corresp
 
 
 def write_mask(path: str | os.PathLike[str], mask: ArrayLike) -> None:
-    """Write which correspondences belong to a group.
+    """Write the mask of the correspondences in a group.
 
     Parameters
     ----------

@@ -40,7 +40,7 @@ def read_depth(
     intrinsics : (4,) or (3,3) array_like of float
         fx, fy, cx, cy of the pinhole camera in pixels, or the camera matrix.
     scale : float, optional
-        What the file writes for a depth of 1: 1000 where it has millimetres, which is the default for whole
+        Value in the file for a depth of 1: 1000 for millimetres, the default for whole
         numbers; 5000 in the data sets of TUM. 1 is the default for real numbers.
 
     Returns
@@ -69,7 +69,7 @@ def read_depth(
     if divisor is None:
         divisor = 1.0 if image.dtype.kind == "f" else _MILLIMETRES
     rows, columns = np.nonzero(np.isfinite(image) & (image > 0))
-    with np.errstate(over="ignore", invalid="ignore"):  # what is too far for numbers is left out
+    with np.errstate(over="ignore", invalid="ignore"):  # points beyond the range of numbers are dropped
         z = image[rows, columns] / divisor
         points = np.stack([(columns - cx) * z / fx, (rows - cy) * z / fy, z], axis=1)
     points = points[np.isfinite(points).all(axis=1)]
@@ -93,7 +93,7 @@ def _pinhole(intrinsics: ArrayLike) -> tuple[float, float, float, float]:
 
 
 def _parse_png(content: bytes) -> NDArray[Any]:
-    """Return the pixels of an image of 16 bits; its size is looked at before it is unpacked."""
+    """Return the pixels of an image of 16 bits; its size is checked before it is unpacked."""
     if content[:8] != b"\x89PNG\r\n\x1a\n":
         raise InputError("doesn't begin as a PNG file")
     width, height, bits, kind = struct.unpack_from(">IIBB", content, 16)
@@ -107,12 +107,13 @@ def _parse_png(content: bytes) -> NDArray[Any]:
 
     with Image.open(io.BytesIO(content), formats=["PNG"]) as image:
         if image.size != (width, height):
-            raise InputError(f"sizes {width} x {height} and {image.width} x {image.height}")
+            found = f"{image.width} x {image.height}"
+            raise InputError(f"its header has {width} x {height} pixels, its content {found}")
         return np.asarray(image)
 
 
 def _check_chunks(content: bytes) -> None:
-    """Compare the checksums of all chunks: Pillow looks at none of those that hold pixels."""
+    """Compare the checksums of all chunks, since Pillow does not check chunks of pixels."""
     place, name = 8, b""
     while name != b"IEND":
         length, name = struct.unpack_from(">I4s", content, place)

@@ -43,12 +43,12 @@ _PART_FLAGS = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOFOLL
 
 
 def write_file(path: str | os.PathLike[str], content: bytes) -> None:
-    """Write the bytes of a file: all of them, or none.
+    """Write the bytes of a file, all or none.
 
     Parameters
     ----------
     path : path-like
-        Where to; a file that is there is replaced once the new one is complete.
+        Output path; an existing file is replaced when the new one is complete.
     content : bytes
         All that it is to hold.
     """
@@ -70,7 +70,7 @@ listeners: list[Callable[[Path, bytes], object]] = []
 
 @dataclass
 class _Run:
-    """What a command, or a process that runs none, has read and written."""
+    """Files that a command, or a process without a command, has read and written."""
 
     # path and SHA-256 of each file that was read, by its device and number
     read: dict[tuple[int, int], tuple[str, str]] = field(default_factory=dict)
@@ -83,7 +83,7 @@ _is_command = False
 
 @contextmanager
 def keeping_inputs() -> Generator[None]:
-    """Refuse to replace a file that has been read meanwhile, by whatever name."""
+    """Raise if an output would replace a file that has been read, under any name."""
     global _run, _is_command
     before = _run, _is_command
     _run, _is_command = _Run(), True
@@ -99,12 +99,12 @@ def digests_of_inputs() -> dict[str, str]:
 
 
 def is_input(path: Path) -> bool:
-    """Whether the command has read the file, by whatever name."""
+    """Return whether the command has read the file, under any name."""
     return _identify(path) in _run.read
 
 
 def digest_of(path: str | os.PathLike[str]) -> str | None:
-    """Return the SHA-256 of a regular file; None where it can't be read."""
+    """Return the SHA-256 of a regular file; None if it cannot be read."""
     digest = hashlib.sha256()
     try:
         if _what_else(Path(path).stat()):
@@ -118,7 +118,7 @@ def digest_of(path: str | os.PathLike[str]) -> str | None:
 
 
 def check_outputs(paths: Iterable[Path], inputs: Iterable[str | os.PathLike[str]] = ()) -> None:
-    """Refuse outputs that would replace an input, and those that are no regular files."""
+    """Raise for outputs that would replace an input or are not regular files."""
     kept = {*_run.read, *map(_identify, inputs)} - {None}
     for path in paths:
         if _identify(path) in kept:
@@ -128,7 +128,7 @@ def check_outputs(paths: Iterable[Path], inputs: Iterable[str | os.PathLike[str]
 
 
 def _irregular(path: Path) -> str | None:
-    """Return what else a file is that could be written to; None for a regular one, or where none is."""
+    """Return the kind of a special file; None for a regular or missing file."""
     try:
         mode = path.lstat().st_mode
     except (OSError, ValueError):
@@ -139,7 +139,7 @@ def _irregular(path: Path) -> str | None:
 
 
 def _identify(path: str | os.PathLike[str]) -> tuple[int, int] | None:
-    """Return device and number of a file; None where there is none."""
+    """Return device and inode of a file; None if it does not exist."""
     try:
         status = Path(path).stat()
     except (OSError, ValueError):
@@ -148,7 +148,7 @@ def _identify(path: str | os.PathLike[str]) -> tuple[int, int] | None:
 
 
 def written_path(path: str | os.PathLike[str], what: str, *suffixes: str) -> Path:
-    """Return where to write; `InputError` unless it ends in the suffix of a format for it."""
+    """Return the output path; raise `InputError` unless it has the suffix of a format."""
     path = as_path("path", path)
     if path.suffix.lower() not in suffixes:
         formats = " or ".join(suffix[1:].upper() for suffix in suffixes)
@@ -159,14 +159,14 @@ def written_path(path: str | os.PathLike[str], what: str, *suffixes: str) -> Pat
 
 
 def check_growth(what: str, grown: int, packed: int, remedy: str = "") -> None:
-    """Refuse what would take much more memory than its file has bytes."""
+    """Raise for content that would take much more memory than its file has bytes."""
     if grown > max(_TRUSTED, _MOST_GROWTH * packed):
         raise InputError(f"{what} would grow from {packed} to {grown} bytes{remedy}")
 
 
 @contextmanager
 def naming(path: Path) -> Generator[None]:
-    """Put the name of the file before what is wrong with its content."""
+    """Prefix errors about the content of a file with its name."""
     try:
         yield
     except InputError as error:
@@ -174,7 +174,7 @@ def naming(path: Path) -> Generator[None]:
 
 
 def read_content(path: str | os.PathLike[str]) -> bytes:
-    """Read a regular file that isn't empty; reading a pipe or a device might never end."""
+    """Read a regular file that is not empty; reading a pipe or a device might never end."""
     path = as_path("path", path)
     try:
         # Opening a device can do something to it, so its kind is looked at before; and after, when it stays.
@@ -191,7 +191,7 @@ def read_content(path: str | os.PathLike[str]) -> bytes:
 
 
 def _open_and_read(path: Path) -> bytes | str:
-    """Return the content, or why there is none."""
+    """Return the content, or the reason why there is none."""
     with open(os.open(path, _FLAGS), "rb", buffering=0) as file:  # noqa: PTH123 - the flags
         status = os.fstat(file.fileno())
         if else_there := _what_else(status):
@@ -206,7 +206,7 @@ def _open_and_read(path: Path) -> bytes | str:
 
 
 def _what_else(status: os.stat_result) -> str | None:
-    """Return what is there instead of a file."""
+    """Return the kind of the object at a path that is not a file."""
     if stat.S_ISDIR(status.st_mode):
         return "is a directory, not a file"
     if not stat.S_ISREG(status.st_mode):
@@ -215,7 +215,7 @@ def _what_else(status: os.stat_result) -> str | None:
 
 
 def parse_file(path: Path, parse: Callable[[bytes], Result]) -> Result:
-    """Parse the file; whatever a parser stumbles over becomes one error that names the file."""
+    """Parse the file; any error of a parser becomes one error with the name of the file."""
     content = read_content(path)
     try:
         return parse(content)
@@ -236,12 +236,12 @@ def load_numbers(content: bytes) -> FloatArray:
 
 
 def load_text(path: str | os.PathLike[str]) -> str:
-    """Read a text: UTF-8, with or without its mark; bytes that aren't become question marks."""
+    """Read a text: UTF-8, with or without a byte order mark; invalid bytes become question marks."""
     return read_content(path).decode("utf-8-sig", errors="replace")
 
 
 def load_json(content: str | bytes) -> Any:  # noqa: ANN401 - whatever the text holds
-    """Parse JSON; nests that are too deep, and whole numbers beyond 64 bits, are refused as other text is."""
+    """Parse JSON; raise for excessive nesting, and for integers beyond 64 bits."""
     try:
         return json.loads(content, parse_int=_whole_number)
     except RecursionError as error:
@@ -261,7 +261,7 @@ def number_lines(rows: FloatArray) -> list[str]:
 
 
 def replace_whole(path: Path, content: bytes, ready: Callable[[], object]) -> None:
-    """Write a part, call `ready`, and put the part in the place of the file.
+    """Write a temporary file, call `ready`, and replace the file by it.
 
     The part is locked as long as its process lives. A process that is killed leaves it without a lock, for
     `remove_dead_parts`.
@@ -292,7 +292,7 @@ def replace_whole(path: Path, content: bytes, ready: Callable[[], object]) -> No
 
 @contextmanager
 def folder_made_whole(folder: Path) -> Generator[Path]:
-    """Return an empty folder that takes the place of a new one where the block ends without an error.
+    """Return an empty temporary folder, which is renamed if the block ends without an error.
 
     Its part holds a locked file as long as its process lives, for `remove_dead_parts`.
     """
@@ -311,7 +311,7 @@ def folder_made_whole(folder: Path) -> Generator[Path]:
 
 
 def remove_dead_parts(folder: Path) -> None:
-    """Remove the parts that processes left when they were killed: files and folders without a lock."""
+    """Remove temporary files and folders of killed processes: those without a lock."""
     for part in folder.glob(f"{_BEGIN}*{_END}"):
         with suppress(OSError):  # it is locked, gone, or no part
             if part.is_dir() and not part.is_symlink():
@@ -323,7 +323,7 @@ def remove_dead_parts(folder: Path) -> None:
 
 
 def _refuse_alive(path: Path) -> None:
-    """Raise `OSError` where a path is no regular file, or one that a process has locked."""
+    """Raise `OSError` if a path is not a regular file, or if a process has locked it."""
     number = os.open(path, _PART_FLAGS)
     try:
         if not stat.S_ISREG(os.fstat(number).st_mode):
@@ -334,7 +334,7 @@ def _refuse_alive(path: Path) -> None:
 
 
 def _lock(number: int) -> None:
-    """Lock an open file until it is closed; raise `OSError` where it is locked already."""
+    """Lock an open file until it is closed; raise `OSError` if it is already locked."""
     if sys.platform != "win32":
         import fcntl  # noqa: PLC0415 - of Unix
 

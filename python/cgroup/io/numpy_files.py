@@ -23,7 +23,7 @@ _CHUNK = 16 << 20  # bytes unpacked at a time
 
 
 def write_array(path: Path, array: NDArray[Any], lines: Iterable[str]) -> None:
-    """Write an array as NPY where the suffix says so, or else the lines of a text."""
+    """Write an array as NPY if the suffix is .npy, otherwise the lines of a text."""
     if path.suffix.lower() != ".npy":
         write_file(path, "".join(f"{line}\n" for line in lines).encode())
         return
@@ -40,14 +40,14 @@ def npz_bytes(**arrays: ArrayLike) -> bytes:
 
 
 def load_npy(content: bytes, *, records: bool = False) -> NDArray[Any]:
-    """Read a NumPy array of numbers, or also of records."""
+    """Read a NumPy array of numbers, optionally of records."""
     return _read_array(io.BytesIO(content), len(content), _KINDS + "V" * records)
 
 
 def read_arrays(
     path: Path, needed: Iterable[str] = (), optional: Iterable[str] = (), *, texts: bool = False
 ) -> dict[str, NDArray[Any]]:
-    """Read arrays of an NPZ file, of numbers or also of texts: those needed, and others that are there."""
+    """Read arrays of numbers or texts from an NPZ file: needed ones, and optional ones if available."""
     needed = list(needed)
 
     def load(content: bytes) -> tuple[list[str], dict[str, NDArray[Any]]]:
@@ -119,7 +119,7 @@ def _read_array(file: IO[bytes], size: int, kinds: str = _KINDS) -> NDArray[Any]
 
 
 def single_number(path: Path, value: ArrayLike) -> float:
-    """Return the resolution that a file has; raise unless it is one number."""
+    """Return the resolution in a file; raise unless it is one number."""
     array = as_array("resolution", value)
     if array.size != 1 or array.dtype.kind not in "fiu":
         raise InputError(

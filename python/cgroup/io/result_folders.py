@@ -1,4 +1,4 @@
-"""Result folders: checked before work starts, made at the first output; what a run may replace and remove.
+"""Result folders: checked before work starts, created at the first output, with a list of own files.
 
 A run replaces and removes only what an earlier run wrote into the folder, and nobody has changed since. A
 list in the folder, a line of JSON per file, has what wrote each, and the digests of its content.
@@ -25,7 +25,7 @@ _NO_FOLDER = "can't be made a folder for the results"
 
 
 def check_folder(path: Path) -> Path:
-    """See that a folder for results can be made and written to, without making it."""
+    """Check that a folder for results can be created and written to, without creating it."""
     with _refusing(path, _NO_FOLDER):
         there = next(folder for folder in (path, *path.absolute().parents) if folder.exists())
         TemporaryFile(dir=there).close()
@@ -33,14 +33,14 @@ def check_folder(path: Path) -> Path:
 
 
 def make_folder(path: Path) -> Path:
-    """Make a folder for results, unless it is there."""
+    """Create a folder for results, unless it exists."""
     with _refusing(path, _NO_FOLDER):
         path.mkdir(parents=True, exist_ok=True)
     return path
 
 
 def remove_file(path: Path) -> None:
-    """Remove a file, if it is there."""
+    """Remove a file, if it exists."""
     with _refusing(path, "can't be removed"):
         path.unlink(missing_ok=True)
 
@@ -52,7 +52,7 @@ class _Line(NamedTuple):
 
 
 class Results:
-    """The files that runs of a kind leave in a folder.
+    """The output files of runs of a kind in a folder.
 
     `by` names the kind, such as "merge" or "register source_on_target": the next such run removes what it
     doesn't write again.
@@ -62,7 +62,7 @@ class Results:
         self._folder, self._by = folder, by
 
     def check(self, paths: Iterable[Path], inputs: Iterable[str | os.PathLike[str]] = ()) -> None:
-        """Refuse to replace an input, what is no regular file, and what no run has left as it is."""
+        """Raise if a run would replace an input, a special file, or a file that is no unchanged output."""
         paths = list(paths)
         check_outputs(paths, inputs)
         lines = self._read()
@@ -74,7 +74,7 @@ class Results:
 
     @contextmanager
     def writing(self, run: str = "") -> Generator[list[Path]]:
-        """Make the folder, list each file that is written to it, and yield these; at last remove the others.
+        """Create the folder, list the written files, and yield them; finally remove the others.
 
         Files of an earlier run stay if it was the same `run`, other than "", and wrote the same as this one.
         """
@@ -107,7 +107,7 @@ class Results:
                 remove_file(path)
 
     def _found(self, path: Path, lines: dict[str, list[_Line]]) -> list[_Line]:
-        """Return the lines of a regular file in the folder that has the content they list.
+        """Return the list entries of a file in the folder whose content is unchanged.
 
         The list may be forged: a path that leads out of the folder, as by ``..`` or a link, has none.
         """
@@ -122,14 +122,14 @@ class Results:
         return [line for line in listed if line.digest == digest]
 
     def _name(self, path: Path) -> str | None:
-        """Return the path of a file in the folder, as the list has it."""
+        """Return the path of a file in the folder, as in the list."""
         try:
             return path.relative_to(self._folder).as_posix()
         except ValueError:
             return None
 
     def _read(self) -> dict[str, list[_Line]]:
-        """Return the list by name, without lines that are cut off or foreign."""
+        """Return the list by name, without truncated or foreign lines."""
         lines: dict[str, list[_Line]] = defaultdict(list)
         path = self._folder / LIST
         check_outputs([path])

@@ -1,4 +1,4 @@
-"""Names of scans in files of poses and graphs: in comments, or in a file beside where the format has none."""
+"""Names of scans in files of poses and graphs: in comments, or in a separate file."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ _LINE = re.compile(r"(?:# )?(other )?scan (\d{1,9}): (.*)")
 
 
 class ScanNames(NamedTuple):
-    """Names of all scans by row, and the rows that have a pose in the file, in its order."""
+    """Names of all scans by row, and the rows with a pose in the file, in its order."""
 
     names: dict[int, str]
     rows: list[int]
 
 
 def list_names(names: Sequence[str], rows: Sequence[int]) -> list[str]:
-    """Return a line for each scan: first those of the given rows, then others, which have no pose here."""
+    """Return a line per scan: first the given rows, then the scans without a pose in the file."""
     others = sorted({*range(len(names))} - {*rows})
     lines = [f"scan {row}: {escape(names[row])}" for row in rows]
     return lines + [f"other scan {row}: {escape(names[row])}" for row in others]
@@ -35,7 +35,7 @@ def find_names(lines: Iterable[str]) -> ScanNames:
 
 
 def names_file(path: Path) -> Path:
-    """Return the file of names beside one whose format has no comments."""
+    """Return the file of names for a file whose format has no comments."""
     return path.with_name(f"{path.name}.names")
 
 

@@ -101,7 +101,7 @@ def _load_text(content: bytes) -> NDArray[Any]:
 
 
 def _load_json(content: bytes) -> NDArray[Any]:
-    """Read lists of numbers, or the only ones of an object."""
+    """Read lists of numbers, or the only lists of an object."""
     value = load_json(content)
     if isinstance(value, dict):
         lists = [entry for entry in value.values() if isinstance(entry, list)]
@@ -199,7 +199,7 @@ def _refusal(name: str, values: FloatArray) -> InputError:
 
 
 def read_log(path: Path) -> dict[tuple[int, int], FloatArray]:
-    """Read a ``gt.log``, as 3DMatch, 3DLoMatch and FGR have it: ``T_i_j`` by (i, j), in the file's order.
+    """Read a ``gt.log`` of 3DMatch, 3DLoMatch or FGR: ``T_i_j`` by (i, j), in the file's order.
 
     It has five lines per pair: ``i j n``, and a 4x4 transform that maps cloud j into the frame of cloud i.
     """
@@ -209,7 +209,7 @@ def read_log(path: Path) -> dict[tuple[int, int], FloatArray]:
 def read_matrices(
     path: Path, size: int, check: Callable[[FloatArray, str], FloatArray] = lambda matrix, _: matrix
 ) -> dict[tuple[int, int], FloatArray]:
-    """Read a list of square matrices, each behind a line ``i j n``, by (i, j)."""
+    """Read a list of square matrices, each after a line ``i j n``, by (i, j)."""
     found: dict[tuple[int, int], FloatArray] = {}
     lines = [line.split() for line in load_text(path).splitlines() if line.strip()]
     try:

@@ -163,7 +163,7 @@ class _Locating:
             self._cells = level.around(around.middle, radius + reach + settings.CELL * level.voxel)
 
     def run(self, effort: Effort) -> list[Found]:
-        """Register the scan to the most similar places until its pose is sure."""
+        """Register the scan to the most similar places until a pose is accepted."""
         search, workers = replace(self._search, effort=effort), count_workers(self._source.threads)
         done: list[Found] = []
         for tried in count(0, settings.AT_A_TIME):
@@ -188,7 +188,7 @@ class _Locating:
         return done
 
     def _places(self) -> Iterator[_Place]:
-        """Yield the places of the map that may show the scan."""
+        """Yield places of the map as candidates for the scan."""
         if len(self._cells) == 0:
             return
         seen = self._poses_from_above()
@@ -201,7 +201,7 @@ class _Locating:
         yield from self._places_alike()
 
     def _poses_from_above(self) -> list[FloatArray]:
-        """Return poses at which walls and floors of the scan fit those of the map from above."""
+        """Return poses that align walls and floors of the scan with those of the map in plan view."""
         axis, source = self._search.axis, self._source
         plan = self._level.plan(axis)
         layers = find_layers(source.voxels.points, source.normals, axis)
@@ -240,7 +240,7 @@ class _Locating:
         return search.run(self._source, self._level.crop(place.cells, search.threads))
 
     def _may_be(self, poses: FloatArray) -> BoolArray:
-        """Return the mask of poses whose origin lies in the searched disk."""
+        """Return the mask of poses whose origin is in the searched disk."""
         wanted = self._origins
         if wanted is None:
             return np.ones(len(poses), dtype=bool)
@@ -248,7 +248,7 @@ class _Locating:
         return away <= wanted.radius + settings.SLACK * self._source.voxel
 
     def _weigh(self) -> list[Found]:
-        """Share the probability among the poses of all places; return the best first."""
+        """Divide the probability among the poses of all places; return the best first."""
         ranked = sorted(self._candidates, key=lambda candidate: -weigh(candidate.case))
         if not ranked:
             return []

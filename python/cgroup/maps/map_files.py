@@ -27,7 +27,7 @@ def check_new(folder: Path) -> Path:
 
 
 def save_arrays(folder: Path, facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Write arrays to a new folder: all of them, or none."""
+    """Write arrays to a new folder, all or none."""
     check_new(folder)
     try:
         with folder_made_whole(folder.absolute()) as beside:

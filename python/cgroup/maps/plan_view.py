@@ -1,4 +1,4 @@
-"""Align a scan with a map seen from above: walls on walls, open floor on free space."""
+"""Align a scan with a map in plan view: walls on walls, open floor on free space."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Layers(NamedTuple):
 
 
 def find_layers(points: FloatArray, normals: FloatArray, axis: FloatArray | None) -> Layers | None:
-    """Find walls and floors of voxels; None if there are few of either.
+    """Find walls and floors of voxels; return None if either has few voxels.
 
     By default the axis is the main direction of the normals, towards the side with more voxels.
     """
@@ -67,7 +67,7 @@ class Disk(NamedTuple):
 
 
 class _Outline(NamedTuple):
-    """Walls and lowest floor of a scan about its middle, (n,2) each, and the middle, (3,)."""
+    """Walls and lowest floor of a scan about its centre, (n,2) each, and the centre, (3,)."""
 
     walls: FloatArray
     floor: FloatArray
@@ -76,7 +76,7 @@ class _Outline(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PlanView:
-    """A map seen from above, on a grid of one voxel."""
+    """Plan view of a map, on a grid of one voxel."""
 
     layers: Layers
     voxel: float

@@ -33,7 +33,7 @@ _ARRAYS = "points", "voxels", "normals", "frames", "descriptors", "cells", "voxe
 
 @runtime_checkable
 class Mergeable(Protocol):
-    """A `Scene`, which this room does not import."""
+    """Interface of `Scene`, which this package does not import."""
 
     def merged(self) -> PointCloud:
         """Return one cloud."""
@@ -57,7 +57,7 @@ class Level:
     _neighbors: dict[float, IndexArray] = field(default_factory=dict, init=False)
 
     def plan(self, axis: FloatArray | None) -> PlanView | None:
-        """Return the map seen from above, made once per axis; None without walls or floors."""
+        """Return the plan view of the map, computed once per axis; None without walls or floors."""
         key = None if axis is None else tuple(axis.tolist())
         if key not in self._plans:
             layers = find_layers(self.voxels, self.normals, axis)
@@ -65,7 +65,7 @@ class Level:
         return self._plans[key]
 
     def around(self, middle: FloatArray, radius: float) -> IndexArray:
-        """Return the cells whose middles lie within a radius of a place."""
+        """Return the cells whose centres are within a radius of a place."""
         with np.errstate(over="ignore"):
             return np.flatnonzero(((self.cells - middle) ** 2).sum(axis=1) <= np.square(radius))
 
@@ -88,7 +88,7 @@ class Level:
         return assemble(*parts, True, threads)  # noqa: FBT003 - pickle calls it by position
 
     def compare(self, descriptors: NDArray[np.float32], radius: float) -> FloatArray:
-        """Return the dissimilarity of descriptors to those within a radius of each cell, (C,).
+        """Return the distance of descriptors to those within a radius of each cell, (C,).
 
         The mean over the descriptors of their distance to the nearest one there, as a multiple of the median
         over all cells, and 1 at most (after O. Boiman, E. Shechtman and M. Irani, *In defense of
@@ -112,7 +112,7 @@ class Level:
         return np.minimum(found, 1.0).mean(axis=1)
 
     def _beside(self, radius: float) -> IndexArray:
-        """Return the cells within a radius of each cell, (C,k); the cell itself in place of an empty one."""
+        """Return the cells within a radius of each cell, (C,k), padded with the cell itself."""
         steps = round(settings.CELL_PARTS * radius / (settings.CELL * self.voxel)) / settings.CELL_PARTS
         if steps not in self._neighbors:
             reach = np.arange(-int(steps), int(steps) + 1)
@@ -293,7 +293,7 @@ def _describe(cloud: Cloud, voxel: float, threads: int | None, begin: Callable[[
 
 
 def _number_cells(points: FloatArray, size: float) -> tuple[IndexArray, FloatArray]:
-    """Return the number of the cell that each point is in, and the cells' middles."""
+    """Return the cell number of each point, and the centres of the cells."""
     places = np.floor(points / size)
     least = places.min(axis=0)
     shape = tuple((places.max(axis=0) - least + 1).astype(np.int64).tolist())
@@ -303,7 +303,7 @@ def _number_cells(points: FloatArray, size: float) -> tuple[IndexArray, FloatArr
 
 
 def _batches(ends: IndexArray, size: int) -> Iterator[tuple[int, int]]:
-    """Split rows into runs of whole cells, of about a size: first cell and that after the last."""
+    """Split rows into runs of complete cells of about a given size; return first and end cell of each."""
     first = 0
     while first < len(ends):
         done = ends[first - 1] if first else 0

@@ -19,7 +19,7 @@ COMPARED, COMPARISONS = (100, 400), 10**8  # least and most descriptors of a sca
 WHOLE = 10_000  # largest number of voxels of a map that is registered as a whole
 AT_A_TIME, FROM_ABOVE, ALIKE_PLACES = 2, 4, 8  # places at a time; most places from above, and by descriptors
 ENOUGH = 4  # number of tried places from which an accepted pose suffices; before, it must be sure
-SLACK = 2.0  # that the origin may lie beyond its radius
+SLACK = 2.0  # allowed distance of the origin beyond the radius
 WITHIN = 0.9  # share of a scan's voxels within its radius
 AROUND, PLACES_APART, COMPARED_WITHIN = 1.5, 0.5, 0.7  # radii of a scan: around a place, between, compared
 

@@ -1,4 +1,4 @@
-"""The way from a method's arguments to its group."""
+"""Calls of grouping methods: from checked arguments to the group."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from cgroup.types.fields import FIELDS, Fields, check_fields
 
 @report_refused_memory()
 def call(method: str, arguments: dict[str, Any]) -> Grouping:
-    """Group by all arguments of the function of a method, by name; they are used up."""
+    """Group by a method with its named arguments; `arguments` is emptied."""
     given = {name: arguments.pop(name) for name in FIELDS if name in arguments}
     fields = check_fields(**given)
     # Copies of one's own: the caller's buffers may hold other points by the time of transform().

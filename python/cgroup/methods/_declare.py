@@ -1,4 +1,4 @@
-"""The function of a method: parameters from the compiled core, words from the files beside this one."""
+"""Functions of methods: parameters from the compiled core, texts from the files in this folder."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from cgroup.types import Grouping
 
 
 class MethodOption(NamedTuple):
-    """What an option of a method takes, as the compiled core describes it.
+    """Option of a method, as described by the compiled core.
 
     Attributes
     ----------
@@ -30,11 +30,11 @@ class MethodOption(NamedTuple):
     optional : bool
         Whether it may be None.
     default : bool, int, float, str or None
-        Its value where it is not given; None for a length that follows from another one.
+        Default value; None for a length that follows from another one.
     range : tuple
-        The least and the greatest value, or the choices; empty where the kind determines them.
+        The least and the greatest value, or the choices; empty if the kind determines them.
     text : str
-        What it does, in Markdown.
+        Description in Markdown.
     """
 
     kind: str
@@ -46,7 +46,7 @@ class MethodOption(NamedTuple):
 
 @dataclass(frozen=True)
 class MethodInfo:
-    """What is known of a method besides its parameters.
+    """Facts about a method, except its parameters.
 
     Attributes
     ----------
@@ -69,9 +69,9 @@ class MethodInfo:
     individual : bool
         Whether it judges correspondences one by one (paper, section 3.1) rather than in groups (3.2).
     fields, optional_fields : tuple of str
-        Fields of `Correspondences` that it needs, and those that it uses where they are given.
+        Fields of `Correspondences` that it needs, and fields that it uses if given.
     options : dict of str to MethodOption
-        What each option takes, in the signature's order.
+        Options, in the signature's order.
     """
 
     name: str
@@ -172,7 +172,7 @@ def method(
     notes: Mapping[str, str] = MappingProxyType({}),
     **known: str,
 ) -> Callable[[Callable[[], None]], Callable[..., Grouping]]:
-    """Return a decorator that makes the function of a method from one without a body.
+    """Return a decorator that replaces a function without a body by that of a method.
 
     `notes` add to the meaning of a field (of both frames: "lrf"), of `max_memory` and of `max_seconds`; the
     method takes the last two if there is a note. Others are the attributes of `MethodInfo`. The docstring
@@ -253,7 +253,7 @@ def _type_of(option: MethodOption) -> tuple[str, str]:
 
 
 def _in_docstring(markdown: str) -> str:
-    """Set code in two backticks, and leave names in one, as docstrings have them."""
+    """Return docstring markup: code in double backticks, names in single ones."""
     return _CODE.sub(lambda code: code[0] if _NAME.fullmatch(code[1]) else f"`{code[0]}`", markdown)
 
 

@@ -41,7 +41,7 @@ def lc() -> None:
     Grouping
         The correspondences with a residual of at most ``5/3 * tolerance`` under `Grouping.model`, the best
         pose. Its scores are probabilities to be right, given that pose; `Grouping.alternatives` has the other
-        poses too. `Grouping.false_alarms` is infinite where a mirror image fits as well. The diagnostics have
+        poses too. `Grouping.false_alarms` is infinite if a mirror image fits as well. The diagnostics have
         ``dimensions``, whether the group's points span a body (3), a plane (2) or a line (1), and
         ``resolution``, a third of the tolerance that was used. Without a pose that three correspondences
         support, the group is empty. With a scale s, the model and the alternatives are similarities, ``s R``
@@ -143,7 +143,7 @@ def sc2pcr() -> None:
     confidence, their entry in the principal eigenvector of the compatibility. Around each seed a consensus
     set is built in two stages; the weighted least-squares pose of a set with the most inliers is refined.
     Ties go to the lowest row, so that the group may depend on the order of the rows. Cost O(n^2) per power
-    step, and O(n^3 / 64) for the share of pairs that are compatible.
+    step, and O(n^3 / 64) for the fraction of pairs that are compatible.
 
     Returns
     -------
@@ -188,7 +188,7 @@ def turboreg() -> None:
     weight of such a pair is the number of others that are compatible with both. The heaviest pairs are
     pivots, and each gives the triangles of greatest weight. The pose of a triangle that is the best by
     `choice` is refined. Ties go to the lowest row, so that the group may depend on the order of the rows.
-    Cost O(n^2) tests of pairs, and O(n^3 / 64) for the share of pairs that are compatible.
+    Cost O(n^2) tests of pairs, and O(n^3 / 64) for the fraction of pairs that are compatible.
 
     Returns
     -------
@@ -281,7 +281,7 @@ def clipper() -> None:
         line, are no group. The scores are u. `diagnostics`: ``objective`` is ``u' M u``, ``rounds`` the
         number of penalties, and ``certified`` 1 where the set is proved to be a clique that no other exceeds
         in size: it has as many members as the greatest core number plus one, or as a colouring has colours.
-        Where 1,000 rounds, or a penalty of 1e9, were not enough, ``truncated`` is 1.
+        If 1,000 rounds, or a penalty of 1e9, were not enough, ``truncated`` is 1.
 
     Examples
     --------

@@ -94,7 +94,7 @@ def si() -> None:
     Returns
     -------
     Grouping
-        Its scores are shares of votes, in [0,1], and `Grouping.threshold` is the cut on them.
+        Its scores are fractions of votes, in [0,1], and `Grouping.threshold` is the cut on them.
 
     Examples
     --------
@@ -166,7 +166,7 @@ def ransac() -> None:
     Returns
     -------
     Grouping
-        Its `model` is the transform (4,4) behind the selection. Without any inlier the group is empty.
+        Its `model` is the transform (4,4) of the selection. Without any inlier the group is empty.
 
     Examples
     --------

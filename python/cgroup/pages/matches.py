@@ -1,4 +1,4 @@
-"""Two clouds in 3D, and matches that methods kept and dropped: a page, and a figure for notebooks."""
+"""Two clouds in 3D with kept and dropped matches: a page, and a figure for notebooks."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from cgroup.plots.shading import choose_rows, color_range, distances, face_broad
 from cgroup.rigid import apply
 from cgroup.types import BoolArray, Correspondences, FloatArray, Grouping, IndexArray
 
-MAX_POINTS = 20_000  # points of a cloud that are drawn: a random part where there are more
+MAX_POINTS = 20_000  # displayed points of a cloud; larger clouds are sampled at random
 MAX_LINES = 300  # lines of one kind in a figure
 _STOPS = np.array([0.0, 0.25, 0.5, 0.75, 1.0])  # of a line: where the mouse finds it
 _LINE = 60  # letters of a line of a hover text
@@ -35,7 +35,7 @@ _HINT = "Point at a line, or tap it, or type the number of a match."
 
 
 class Pair(NamedTuple):
-    """Source and target as drawn, under a pose; their rows in the whole clouds, and the viewer's axes."""
+    """Displayed source and target under a pose, their rows in the whole clouds, and the viewer's axes."""
 
     clouds: list[Cloud]
     rows: tuple[IndexArray, IndexArray]
@@ -43,7 +43,7 @@ class Pair(NamedTuple):
     pose: FloatArray
 
     def ends_of(self, matches: Correspondences, rows: IndexArray) -> tuple[FloatArray, FloatArray]:
-        """Return the ends (k,3) of some matches, from the middle of their cloud."""
+        """Return the ends (k,3) of some matches, relative to the centre of their cloud."""
         source, target = apply(self.pose, matches.source[rows]), apply(np.eye(4), matches.target[rows])
         return (source @ self.axes.T - self.clouds[0].middle, target @ self.axes.T - self.clouds[1].middle)
 
@@ -67,7 +67,7 @@ class Kind(NamedTuple):
 
 
 def kinds_of(mask: BoolArray, correct: BoolArray | None) -> list[Kind]:
-    """Divide matches into kept and dropped ones, and, if known, into correct and wrong ones."""
+    """Divide matches into kept and dropped ones, and into correct and wrong ones if known."""
     if correct is None:
         return [
             Kind("group", "kept", mask, style.GROUPED),
@@ -174,7 +174,7 @@ def _data(view: View, pair: Pair, rows: IndexArray, kinds: list[Kind]) -> dict[s
 
 
 def _colors(view: View, pair: Pair) -> dict[str, Any]:
-    """Return the colours of clouds, as bytes: three of each point's own colour, one of its distance."""
+    """Return the colours of clouds as bytes: three for each point's own colour, one for its distance."""
     end = color_range(view.matches, view.target)
     own = [
         None if colors is None else _packed(colors[rows])
@@ -229,7 +229,7 @@ def _is_shown(kind: Kind) -> bool:
 
 
 def _controls(view: View) -> str:
-    """Return the choice of colours, the scale of distances, and the tip at a line."""
+    """Return the HTML of the colour menu, the distance scale, and the tooltip of a line."""
     named = {"scan": "by cloud", "distance": "by distance", "own": "as scanned"}
     if all(colors is None for colors in view.colors):
         del named["own"]

@@ -1,4 +1,4 @@
-"""Self-contained HTML pages with charts; they hold plotly's script, compressed.
+"""Self-contained HTML pages with charts and plotly's compressed script.
 
 `page_html` makes a page around a body, which holds charts by `chart_html` at any place. Callers escape names
 from outside, such as those of files: in a body by `html.escape`, in a chart by `chart_text`.
@@ -52,12 +52,12 @@ def _json(value: Any) -> str:  # noqa: ANN401 - as above
 
 
 def chart_text(text: object) -> str:
-    """Escape a text for a chart; plotly takes ``<b>``, ``<br>`` and ``&lt;`` for HTML."""
+    """Escape a text for a chart; plotly interprets ``<b>``, ``<br>`` and ``&lt;`` as HTML."""
     return html.escape(str(text), quote=False)
 
 
 def facts_html(facts: Iterable[tuple[str, str]]) -> str:
-    """Make the HTML of names and values, which are HTML already; equal names in a row are shown once."""
+    """Make the HTML of names and values in HTML; consecutive equal names are shown once."""
     lines = "".join(
         f"<dt>{html.escape(name)}</dt>{''.join(f'<dd>{value}</dd>' for _, value in same)}"
         for name, same in groupby(facts, itemgetter(0))
@@ -105,7 +105,7 @@ def write_page(path: str | os.PathLike[str], page: str) -> None:
     path : path-like
         Usually ends in ``.html``.
     page : str
-        What `page_html` returned.
+        Page from `page_html`.
 
     Examples
     --------
@@ -140,7 +140,7 @@ def _packed_plotly() -> str:
 
 
 def load_plotly(part_of_it: str) -> Any:  # noqa: ANN401 - a module
-    """Import a part of plotly, which is an extra."""
+    """Import a module of plotly, an optional dependency."""
     try:
         return importlib.import_module(f"plotly.{part_of_it}")
     except ModuleNotFoundError as error:

@@ -33,7 +33,7 @@ def registration_page(
     title: str = "Registration",
     refusal: str | None = None,
 ) -> str:
-    """Return the page of a registration: both clouds and the matches, to rotate.
+    """Return the page of a registration: both clouds with the matches in a 3D view.
 
     Parameters
     ----------

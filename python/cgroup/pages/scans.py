@@ -1,4 +1,4 @@
-"""The page of a scene: its scans to rotate, the graph of their edges, and a table of the edges."""
+"""The page of a scene: its scans in a 3D view, the graph of their edges, and a table of the edges."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _RESIDUALS = LinearSegmentedColormap.from_list("residuals", style.DISTANCE_COLOR
 
 
 def scene_page(scene: Scene, *, title: str = "Scene") -> str:
-    """Return the page of a scene: scans to rotate, the graph, a table of edges.
+    """Return the page of a scene: scans in a 3D view, the graph, a table of edges.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Clouds on a page: seen from one side, to move between side by side and joined."""
+"""Clouds on a page: seen from one side, and movable between side by side and joined."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _RIM = 0.002  # share of the points on either side that a box may leave out, as 
 
 @dataclass(frozen=True, eq=False)
 class Cloud:
-    """A cloud as drawn: right, up and towards the viewer, from the middle of its box."""
+    """A displayed cloud: right, up and towards the viewer, from the centre of its bounding box."""
 
     name: str
     color: str  # #rrggbb
@@ -73,7 +73,7 @@ def _box(points: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def arrange(sizes: Sequence[FloatArray]) -> list[FloatArray]:
-    """Return middles of boxes in lines below each other, without overlap."""
+    """Return the centres of boxes in rows without overlap."""
     gap = _GAP * float(np.sqrt(np.mean([size[0] * size[1] for size in sizes])))
     widths = np.cumsum([size[0] + gap for size in sizes])
     layouts = [_fill_lines(sizes, gap, width) for width in widths]
@@ -97,7 +97,7 @@ def _fill_lines(sizes: Sequence[FloatArray], gap: float, width: float) -> FloatA
 
 
 def _lit(planes: FloatArray, axes: FloatArray) -> NDArray[np.uint8]:
-    """Return the light (k,) on the plane about each point, whichever side faces the viewer."""
+    """Return the brightness (k,) of the plane about each point, for either orientation."""
     facing = np.where(planes.any(axis=1, keepdims=True), planes @ axes.T, _TO_LIGHT)
     facing *= np.where(facing[:, 2:] < 0.0, -1.0, 1.0)
     return np.round(LEVELS * np.clip(facing @ _TO_LIGHT, 0.0, 1.0)).astype(np.uint8)
@@ -140,7 +140,7 @@ def scene_layout() -> dict[str, Any]:
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """A page of clouds; all but `title`, `label` and `data` is HTML."""
+    """A page of clouds; all fields except `title`, `label` and `data` are HTML."""
 
     title: str
     label: str  # of the chart, for readers of the screen
@@ -159,7 +159,7 @@ class Stage:
 
 
 def stage_page(stage: Stage) -> str:
-    """Return the page: clouds and controls, what is beside and below them, facts and help."""
+    """Return the page: clouds and controls, side and bottom panels, facts and help."""
     layout = {"scene": scene_layout(), "margin": {"l": 0, "r": 0, "t": 0, "b": 0}, "showlegend": False}
     traces = [*cloud_traces(stage.clouds, stage.start, is_named=stage.is_named), *stage.traces]
     figure = {"data": traces, "layout": layout}

@@ -1,4 +1,4 @@
-"""Figures of matplotlib (extra ``cgroup[scans]``), to be saved by `Figure.savefig`."""
+"""Figures of matplotlib (extra ``cgroup[scans]``); save them with `Figure.savefig`."""
 
 from cgroup.plots.matches import comparison_figure, keypoints_figure, registration_figure
 

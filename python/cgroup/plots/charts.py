@@ -1,4 +1,4 @@
-"""Charts as values, drawn here for print; the page of the report draws the same charts.
+"""Charts as data, and their print versions; the page of the report draws the same charts.
 
 A `Chart` has one or several `Panel`s, each with a `Series` per method.
 """
@@ -77,7 +77,7 @@ class Panel:
 
 @dataclass(frozen=True)
 class Chart:
-    """Panels, and the looks of their series in the order of the legend."""
+    """Panels, and the styles of their series in the order of the legend."""
 
     panels: list[Panel]
     looks: Mapping[str, MethodStyle]
@@ -88,7 +88,7 @@ class Chart:
         return any(series.sparse.any() for panel in self.panels for series in panel.series)
 
     def draw(self, title: str, *, columns: int = 3, legend: Literal["below", "right"] = "below") -> Figure:
-        """Draw all panels side by side, in so many columns, at print width."""
+        """Draw all panels in a number of columns, at print width."""
         extra = _NAMES_HEIGHT if any(panel.names for panel in self.panels) else 0.2
         figure, axes = panels(len(self.panels), columns=columns, title=title, extra=extra)
         for each, panel in zip(axes, self.panels, strict=True):
@@ -112,7 +112,7 @@ def panels(count: int, *, columns: int, title: str, extra: float = 0.0) -> tuple
 
 
 def finish(axes: Axes, *, title: str = "", xlabel: str = "", ylabel: str = "", share: bool = False) -> None:
-    """Label a panel; the y axis of a share goes from 0 to 1."""
+    """Label a panel; the y axis of a fraction is from 0 to 1."""
     axes.set_title(title, loc="left", fontsize=_FONT + 0.5, color=style.TEXT)
     axes.set_xlabel(xlabel, fontsize=_FONT, color=style.TEXT)
     axes.set_ylabel(ylabel, fontsize=_FONT, color=style.TEXT)
@@ -226,7 +226,7 @@ def _place_levels(axes: Axes, panel: Panel) -> None:
 def _name_methods(
     figure: Figure, looks: Mapping[str, MethodStyle], place: Literal["below", "right"], *, few: bool
 ) -> None:
-    """Draw the legend of methods, and of hollow markers if there are levels of few pairs."""
+    """Draw the legend of methods, and of hollow markers for levels with few pairs."""
     handles = [
         Line2D(
             [],
@@ -258,7 +258,7 @@ def _name_methods(
 
 
 def _count_columns(lengths: list[int]) -> int:
-    """Return how many columns of names fit side by side; names of these lengths fill them in turn."""
+    """Return the number of columns of names that fit, filled in turn by names of these lengths."""
     for count in range(min(len(lengths), _MOST_COLUMNS), 1, -1):
         width = sum(max(column) for column in np.array_split(lengths, count)) + count * _HANDLE
         if width <= _LETTERS:

@@ -1,4 +1,4 @@
-"""What the benchmark finds, as charts: scores and registration over levels, times, pairs one by one.
+"""Charts of benchmark results: scores and registration over levels, times, single pairs.
 
 Values are means over pairs; an `Estimator` finds them, so that the report can add intervals.
 """
@@ -54,7 +54,7 @@ _STEPS = 100  # of a distribution
 
 
 class Estimate(NamedTuple):
-    """Mean over pairs, the ends of its interval, NaN where there is none, and the number of pairs."""
+    """Mean over pairs, the ends of its interval (NaN without one), and the number of pairs."""
 
     mean: float
     low: float
@@ -69,7 +69,7 @@ Estimator: TypeAlias = "Callable[[pd.DataFrame, Sequence[str]], Mapping[str, Map
 
 
 def estimate_means(rows: pd.DataFrame, columns: Sequence[str]) -> dict[str, dict[str, Estimate]]:
-    """Find means over pairs, without intervals; a row is a pair where none is named."""
+    """Return means over pairs, without intervals; without pair names, each row is a pair."""
     by_method = rows.astype(dict.fromkeys(columns, float)).groupby("method")
     means = by_method[list(columns)].mean()
     pairs = by_method["pair"].nunique() if "pair" in rows else by_method.size()
@@ -102,7 +102,7 @@ def rates_chart(
     styles: Mapping[str, MethodStyle] | None = None,
     estimate: Estimator = estimate_means,
 ) -> Chart:
-    """Chart the share of registered pairs, by each criterion that is applicable to some record."""
+    """Chart the fraction of registered pairs, by each criterion that applies to some record."""
     strict = [name for name in rows.columns if name.startswith(PROTOCOL_PREFIX) and rows[name].notna().any()]
     titles = {"registered": PAPER_PROTOCOL} | {name: name.removeprefix(PROTOCOL_PREFIX) for name in strict}
     named = {column: (protocol_title(name), "share of pairs registered") for column, name in titles.items()}
@@ -110,7 +110,7 @@ def rates_chart(
 
 
 def matches_chart(rows: pd.DataFrame, xlabel: str, estimate: Estimator = estimate_means) -> Chart:
-    """Chart the initial matches, which no method has a part in."""
+    """Chart the initial matches, which do not depend on the method."""
     once = rows.drop_duplicates([*rows.columns.intersection(["dataset"]), "pair", "x"]).assign(method="all")
     levels, found = _estimate_levels(once, ("n", "correct", "inlier_ratio"), estimate)
     numbers = [_series(key, "all", column, found) for key, column in (("all", "n"), ("correct", "correct"))]
@@ -162,7 +162,7 @@ def _series(
 
 
 def protocol_title(protocol: str) -> str:
-    """Name a registration criterion for people."""
+    """Return a readable name of a registration criterion."""
     return {
         PAPER_PROTOCOL: "precision > 0.1 (the paper's)",
         "rmse<=1pr": "RMSE at most 1 pr",
@@ -179,7 +179,7 @@ def protocol_title(protocol: str) -> str:
 def choose_looks(
     methods: Iterable[str], styles: Mapping[str, MethodStyle] | None = None
 ) -> dict[str, MethodStyle]:
-    """Choose the looks of methods, in the order of the legend."""
+    """Choose the styles of methods, in the order of the legend."""
     chosen = style.method_styles(methods, styles)
     return {name: chosen[name] for name in sort_methods(chosen)}
 
@@ -193,7 +193,7 @@ def times_chart(
     complexities: Mapping[str, str],
     styles: Mapping[str, MethodStyle] | None = None,
 ) -> Chart:
-    """Chart milliseconds over the number of matches; notes tell each method's growth."""
+    """Chart milliseconds over the number of matches, with each method's growth in notes."""
     looks = choose_looks(times.columns, styles)
     series = [
         Series(
@@ -211,7 +211,7 @@ def times_chart(
 
 
 def describe_growth(exponent: float, paper: str | None) -> str:
-    """Say how fast a method's time grows, as measured and by the paper's table."""
+    """Describe the growth of a method's time, as measured and by the paper's table."""
     measured = "" if np.isnan(exponent) else f"measured n^{exponent:.2f}"
     return "; ".join(filter(None, (measured, paper and f"paper {paper}")))
 
@@ -223,7 +223,7 @@ def draw_times(
     title: str,
     styles: Mapping[str, MethodStyle] | None = None,
 ) -> Figure:
-    """Draw `times_chart` with a legend that names exponents and complexities, slowest method first."""
+    """Draw `times_chart` with exponents and complexities in the legend, slowest method first."""
     chart = times_chart(times, exponents, complexities, styles)
     last = times.ffill().iloc[-1]
     looks: dict[str, MethodStyle] = {}
@@ -238,7 +238,7 @@ def trials_chart(
     styles: Mapping[str, MethodStyle] | None = None,
     estimate: Estimator = estimate_means,
 ) -> Chart:
-    """Chart the share of registered problems, and mean F, over median time."""
+    """Chart the fraction of registered problems, and mean F, over median time."""
     looks = choose_looks(related["method"], styles)
     milliseconds = 1e3 * related.groupby("method")["seconds"].median()
     found = [estimate(related, ("right", "f_score"))]
@@ -254,7 +254,7 @@ def trials_chart(
 
 
 def scenes_chart(good: pd.DataFrame) -> Chart:
-    """Chart the share of pairs of scans up to each error, set by set: degrees, and shifts."""
+    """Chart the fraction of scan pairs up to each error, set by set: rotation and translation."""
     looks = _style_pipelines(good)
     columns = {"rotation": "degrees", "translation": "shift, in the data's unit"}
     panels = [
@@ -270,7 +270,7 @@ def scenes_chart(good: pd.DataFrame) -> Chart:
 
 
 def _distributions(errors: Mapping[str, tuple[float, ...]]) -> list[Series]:
-    """Find the shares of each solver's errors up to the same places; infinite ones lie above all."""
+    """Return the cumulative distributions of all solvers' errors at common values."""
     every = np.array([error for each in errors.values() for error in each])
     known = every[np.isfinite(every) & (every > 0)]
     at = np.geomspace(known.min(), known.max(), _STEPS) if len(known) else np.empty(0)
@@ -278,7 +278,7 @@ def _distributions(errors: Mapping[str, tuple[float, ...]]) -> list[Series]:
 
 
 def pipelines_chart(frame: pd.DataFrame, estimate: Estimator = estimate_means) -> Chart:
-    """Chart how many pairs pipelines register, by overlap and over time, and how well probabilities fit."""
+    """Chart the registered pairs of pipelines by overlap and time, and the calibration of probabilities."""
     rows = frame[frame["kind"] == "related"]
     looks = _style_pipelines(rows)
     panels = [_by_overlap(rows, looks, estimate)] if rows["overlap"].notna().any() else []
@@ -314,7 +314,7 @@ def _by_probability(rows: pd.DataFrame, looks: Iterable[str], estimate: Estimato
 def _share_right(
     rows: pd.DataFrame, column: str, edges: Sequence[float], looks: Iterable[str], estimate: Estimator
 ) -> tuple[list[Series], list[float]]:
-    """Find the share of right poses in classes of a number, and the middles of the classes."""
+    """Return the fraction of correct poses in bins of a number, and the centres of the bins."""
     places = np.digitize(rows[column].to_numpy(), edges[1:-1])
     known = rows[column].notna().to_numpy()
     chosen = [rows[known & (places == number)] for number in range(len(edges) - 1)]
@@ -324,7 +324,7 @@ def _share_right(
 
 
 def _style_pipelines(frame: pd.DataFrame) -> dict[str, MethodStyle]:
-    """Choose colours by the kind of pipeline, and markers by the order; refined ones are drawn dashed."""
+    """Choose colours by the kind of pipeline, markers by the order, and dashes for refined pipelines."""
     named = frame.drop_duplicates("method")
     own = style.own_styles(named.loc[~named["name"].isin(_FAMILIES), "method"])
     looks: dict[str, MethodStyle] = {}

@@ -1,4 +1,4 @@
-"""Shaded clouds: two side by side with lines between matched points, and one with keypoints on it."""
+"""Shaded clouds: two side by side with lines between matched points, and one with keypoints."""
 
 # Parts of matplotlib's methods are untyped.
 # pyright: reportUnknownMemberType=false
@@ -82,7 +82,7 @@ def registration_figure(
     Returns
     -------
     Figure
-        Left: the source, rotated by the pose, so that lines of right matches are parallel. Right: both
+        Left: the source, rotated by the pose, so that lines of correct matches are parallel. Right: both
         clouds, coloured by distance to the other one (from the plane about a point to the nearest point
         there). The colours end at the resolution of the matches; points without a neighbour within 2.5 times
         that are grey.
@@ -235,7 +235,7 @@ def _figure(height: float, title: str | None = None, *, width: float = _WIDTH) -
 
 
 def _panels(figure: Figure, rows: int, columns: int) -> list[Axes]:
-    """Return panels without axes, in which both directions have one scale."""
+    """Return panels without axes, with equal scales in both directions."""
     panels = list(figure.subplots(rows, columns, squeeze=False).reshape(-1))
     for axes in panels:
         axes.set_axis_off()
@@ -295,7 +295,7 @@ class PairDrawing:
     def draw_selection(
         self, axes: Axes, matches: Correspondences, mask: BoolArray, correct: BoolArray | None
     ) -> str:
-        """Draw the same share of correct and wrong matches of a group; return their number as text."""
+        """Draw the same fraction of correct and wrong matches of a group; return their number as text."""
         kinds = [(mask, style.GROUPED)]
         if correct is not None:
             kinds = [(mask & ~correct, style.WRONG), (mask & correct, style.CORRECT)]
@@ -324,7 +324,7 @@ def spread(rows: IndexArray, most: int) -> IndexArray:
 
 
 def show(axes: Axes, picture: Picture, extent: Extent | None = None) -> None:
-    """Draw a picture, at its own or another extent."""
+    """Draw a picture, at its own or a given extent."""
     axes.imshow(picture.rgba, extent=extent or picture.extent, origin="lower", interpolation="nearest")
 
 

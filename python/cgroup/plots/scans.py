@@ -54,7 +54,7 @@ def scans_figure(
 
 
 def look_at(clouds: Sequence[FloatArray]) -> View:
-    """Return the view along the thinnest direction; of a map, from above."""
+    """Return the view along the thinnest direction, for a map from above."""
     few = np.concatenate([cloud[choose_rows(cloud, _MOST_POINTS // len(clouds))] for cloud in clouds])
     above = few.mean(axis=0)
     above[2] += 1e3 * float(np.ptp(few, axis=0).max())
@@ -81,7 +81,7 @@ def _draw_scans(axes: Axes, clouds: Sequence[FloatArray], colors: FloatArray, vi
 
 
 def place_nodes(clouds: Sequence[FloatArray], axes: FloatArray) -> FloatArray:
-    """Return positions of the scans in the plane: their middles, or a circle if these are too close."""
+    """Return positions of the scans in the plane: their centres, or a circle if these are too close."""
     places = np.array([cloud.mean(axis=0) for cloud in clouds]) @ axes[:2].T
     apart = np.linalg.norm(places[:, None] - places, axis=-1)
     apart[np.diag_indices(len(places))] = np.inf

@@ -35,12 +35,12 @@ class View:
     axes: FloatArray
 
     def project(self, points: FloatArray) -> FloatArray:
-        """Right, up and nearness of each point, shape (N, 3)."""
+        """Return right, up and nearness of each point, (N,3)."""
         return points @ self.axes.T
 
 
 def face_broadside(points: FloatArray, viewpoint: ArrayLike = (0, 0, 0)) -> View:
-    """Return the view that shows most of a cloud: along its thinnest direction, from the scanner's side.
+    """Return the view along the thinnest direction of a cloud, from the scanner's side.
 
     The y axis of the data points upwards, or z where y points at the viewer.
     """
@@ -59,7 +59,7 @@ def face_broadside(points: FloatArray, viewpoint: ArrayLike = (0, 0, 0)) -> View
 class Picture:
     """A shaded picture in the plane of projection."""
 
-    rgba: FloatArray  # (height,width,4), transparent where there is no point; first row at the bottom
+    rgba: FloatArray  # (height,width,4), transparent without a point; first row at the bottom
     extent: Extent  # left, right, bottom, top
 
 
@@ -73,7 +73,7 @@ def shade(projected: FloatArray, tint: Tint) -> Picture:
 def paint(projected: FloatArray, values: FloatArray, color_of: Callable[[FloatArray], FloatArray]) -> Picture:
     """Shade a projected cloud in colours of values: the means over the nearest points in and around cells.
 
-    The mean is NaN where the values of most of these points are.
+    The mean is NaN if the values of most of these points are NaN.
     """
     kept = _is_no_outlier(projected)
     projected, values = projected[kept], values[kept]
@@ -98,12 +98,12 @@ def _sum_around(
 
 
 def find_front(projected: FloatArray) -> BoolArray:
-    """Return which points (N,) are not hidden by nearer ones."""
+    """Return the mask (N,) of points that are not hidden by nearer ones."""
     return _front_layer(projected, _Grid.over(projected))[1]
 
 
 def _is_no_outlier(projected: FloatArray) -> BoolArray:
-    """Return which points are no far outliers, as laser scans have."""
+    """Return the mask of points without far outliers, which are common in laser scans."""
     low, high = np.quantile(projected[:, :2], (_OUTLIERS, 1 - _OUTLIERS), axis=0)
     margin = _MARGIN * (high - low)
     inside = (projected[:, :2] >= low - margin) & (projected[:, :2] <= high + margin)
@@ -127,7 +127,7 @@ class _Grid:
         return cls(low, cell, (columns, rows))
 
     def cells_of(self, projected: FloatArray) -> IndexArray:
-        """Column and row of each point's cell, shape (2, N)."""
+        """Return the column and row of each point's cell, (2,N)."""
         return np.round((projected[:, :2] - self.low) / self.cell).astype(np.int64).T
 
     def picture(self, rgba: FloatArray) -> Picture:
@@ -153,7 +153,7 @@ def _light(depth: FloatArray, cell: float, tint: FloatArray, ambient: float) -> 
 
 
 def _range_image(projected: FloatArray, grid: _Grid) -> FloatArray:
-    """Mean nearness of the front layer in each cell, NaN where there is none."""
+    """Return the mean nearness of the front layer per cell, NaN for empty cells."""
     (column, row), near = _front_layer(projected, grid)
     total, count = np.zeros(grid.shape), np.zeros(grid.shape)
     np.add.at(total, (column[near], row[near]), projected[near, 2])
@@ -163,7 +163,7 @@ def _range_image(projected: FloatArray, grid: _Grid) -> FloatArray:
 
 
 def _front_layer(projected: FloatArray, grid: _Grid) -> tuple[IndexArray, BoolArray]:
-    """Column and row of each point's cell, and whether it is among the nearest there."""
+    """Return the column and row of each point's cell, and the mask of the nearest points of cells."""
     column, row = cell = grid.cells_of(projected)
     front = np.full(grid.shape, -np.inf)
     np.maximum.at(front, (column, row), projected[:, 2])
@@ -177,9 +177,9 @@ def _shift(image: FloatArray, steps: tuple[int, int]) -> FloatArray:
 
 
 def _smooth(depth: FloatArray, jump: float) -> FloatArray:
-    """Mean over a cell and those around it on the same surface; fills holes of one cell.
+    """Return the mean over each cell and its neighbours on the same surface; holes of one cell are filled.
 
-    A hole is a cell without a point, or one where only the far side of the shape was hit.
+    A hole is a cell without a point, or with points of the far side of the shape only.
     """
     around = np.stack([_shift(depth, (i, j)) for i in (-1, 0, 1) for j in (-1, 0, 1)])
     nearer = around > np.nan_to_num(depth, nan=-np.inf) + jump
@@ -194,7 +194,7 @@ def _average_where(stack: FloatArray, chosen: BoolArray) -> FloatArray:
 
 
 def _slope(depth: FloatArray, axis: int) -> FloatArray:
-    """Difference to the neighbour on the same surface: the flatter one of the two sides."""
+    """Return the difference to the neighbour on the same surface, the smaller one of the two sides."""
     step = (1, 0) if axis == 0 else (0, 1)
     ahead = _shift(depth, step) - depth
     behind = depth - _shift(depth, (-step[0], -step[1]))
@@ -210,7 +210,7 @@ def color_range(matches: Correspondences, target: FloatArray) -> float:
 
 
 def planes(points: FloatArray) -> FloatArray:
-    """(N,3) normal of the plane about each point; zero where there is none."""
+    """(N,3) normal of the plane about each point; zero without a plane."""
     if len(points) <= _NEIGHBORS:
         return np.zeros_like(points)
     return np.nan_to_num(normals(points, neighbors=_NEIGHBORS))
@@ -227,7 +227,7 @@ def distances(points: FloatArray, planes: FloatArray, others: FloatArray, end: f
 
 
 def choose_rows(points: FloatArray, most: int) -> IndexArray:
-    """Return rows of at most `most` points, a random part of more."""
+    """Return the rows of all points, or of `most` random ones if there are more."""
     if len(points) <= most:
         return np.arange(len(points))
     return np.sort(np.random.default_rng(0).choice(len(points), most, replace=False))

@@ -19,7 +19,7 @@ from cgroup.registry import METHOD_INFO
 
 
 class MethodStyle(NamedTuple):
-    """How one method is drawn."""
+    """Style of one method."""
 
     label: str
     color: str  # as #RRGGBB
@@ -103,7 +103,7 @@ PRINT_WIDTH = 7.2  # inches: both columns of a page
 def method_styles(
     methods: Iterable[str], chosen: Mapping[str, MethodStyle] | None = None
 ) -> dict[str, MethodStyle]:
-    """Choose how all methods of a figure, or of a report, are drawn.
+    """Return the styles of all methods of a figure or a report.
 
     Methods of the package and those chosen already keep their looks; each of the others takes the next of
     `OWN_COLORS` and `OWN_MARKERS`, and its name as the label.
@@ -115,17 +115,17 @@ def method_styles(
 
 
 def method_style(method: str) -> MethodStyle:
-    """Return how a method is drawn that is the only one from outside, or what it is called."""
+    """Return the style of a method; any method of the user's own gets the first of the other styles."""
     return method_styles([method])[method]
 
 
 def as_it_is(text: str) -> str:
-    """Return a text for matplotlib to show as it is; between dollar signs it would expect formulas."""
+    """Return a text with escapes for matplotlib, which parses formulas between dollar signs."""
     return text.replace("$", r"\$")
 
 
 def own_styles(names: Iterable[str], used: int = 0) -> dict[str, MethodStyle]:
-    """Choose how things from outside are drawn, after so many others; the first 64 all look different."""
+    """Return styles for foreign methods after a number of others; the first 64 are all different."""
     colors = len(OWN_COLORS)
     return {
         name: MethodStyle(

@@ -25,7 +25,7 @@ _PLACE[_UPPER] = _PLACE.T[_UPPER] = np.arange(21)
 _SWAPPED = (slice(None), *np.ix_([3, 4, 5, 0, 1, 2], [3, 4, 5, 0, 1, 2]))
 _SKEWED = 1e-6  # difference from the transpose that rounding may cause, of matrices with a diagonal of ones
 _ROUNDING = 1e-4  # negative eigenvalues that rounding to few digits may cause, of the same
-_LEAST = 1e-9  # what such eigenvalues are raised to: too little to change a pose
+_LEAST = 1e-9  # new value of such eigenvalues: too small to change a pose
 
 _MOST_NAMED = 10
 # Numbers after the word that a line begins with
@@ -33,7 +33,7 @@ _NUMBERS = {"VERTEX_SE3:QUAT": 8, "VERTEX3": 7, "EDGE_SE3:QUAT": 30, "EDGE3": 29
 
 
 class GraphContent(NamedTuple):
-    """What a file holds, by the names that a pose graph has for it."""
+    """Content of a file, by the field names of a pose graph."""
 
     poses: FloatArray
     edges: IndexArray
@@ -88,12 +88,12 @@ def _parse_numbers(line: int, kind: str, words: list[str]) -> list[float]:
 
 
 def _arrays_of(rows: dict[str, list[list[float]]], *kinds: str) -> Iterable[Any]:
-    """Return numbers of lines and of nodes, motions, and information, of all lines of two kinds."""
+    """Return the numbers of lines and nodes, the motions and the information of all lines of two kinds."""
     return map(np.concatenate, zip(*(_split(kind, rows[kind]) for kind in kinds), strict=True))
 
 
 def _split(kind: str, rows: list[list[float]]) -> tuple[IndexArray, IndexArray, FloatArray, FloatArray]:
-    """Take the lines of a kind apart, which begin with the number of the line."""
+    """Split the lines of one kind, which begin with the number of the line."""
     table = np.array(rows, dtype=float).reshape(-1, 1 + _NUMBERS[kind])
     is_edge, has_quaternion = kind.startswith("EDGE"), kind.endswith("QUAT")
     lines, nodes, shifts, rest = np.split(table, np.cumsum([1, 1 + is_edge, 3]), axis=1)
@@ -109,7 +109,7 @@ def _split(kind: str, rows: list[list[float]]) -> tuple[IndexArray, IndexArray, 
         turns = turn(0, 0, c, f) @ turn(0, b, 0, e) @ turn(a, 0, 0, d)
     motions = np.tile(np.eye(4), (len(table), 1, 1))
     motions[:, :3, :3], motions[:, :3, 3] = turns, shifts
-    # GTSAM takes the blocks of EDGE3 as they are, rotation first.
+    # GTSAM does not reorder the blocks of EDGE3, rotation first.
     place = _PLACE[_SWAPPED[1:]] if has_quaternion else _PLACE
     return lines, nodes.astype(np.int64), motions, rest[:, -21:][:, place] if is_edge else motions
 
@@ -120,7 +120,7 @@ def _refuse(lines: IndexArray, is_bad: BoolArray, reason: str) -> None:
 
 
 def definite(information: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Raise the eigenvalues of semi-definite matrices, those within rounding too; and return a mask of these.
+    """Increase the eigenvalues of semi-definite matrices, up to rounding; return also their mask.
 
     Eigenvalues are those of the matrix that is scaled to a diagonal of ones.
     """
@@ -145,7 +145,7 @@ def definite(information: FloatArray) -> tuple[FloatArray, BoolArray]:
 
 
 def singular(information: FloatArray) -> BoolArray:
-    """Tell which matrices aren't symmetric and positive definite, whatever the units."""
+    """Return the mask of matrices that are not symmetric and positive definite, for any units."""
     diagonal = np.sqrt(np.maximum(np.einsum("nii->ni", information), 0))
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         scaled = information / (diagonal[:, :, None] * diagonal[:, None, :])
@@ -155,7 +155,7 @@ def singular(information: FloatArray) -> BoolArray:
 
 
 def format_g2o(graph: GraphContent, names: Sequence[str] = ()) -> str:
-    """Write lines of g2o; where the nodes are scans, their names are comments."""
+    """Return lines of g2o; if the nodes are scans, their names are comments."""
     lines = [f"# {line}" for line in list_names(names, graph.ids.tolist())] if names else []
     nodes = zip(graph.ids.tolist(), motion_lines(graph.poses), strict=True)
     lines += [f"VERTEX_SE3:QUAT {node} {motion}" for node, motion in nodes]
@@ -166,7 +166,7 @@ def format_g2o(graph: GraphContent, names: Sequence[str] = ()) -> str:
 
 
 def motion_lines(poses: FloatArray) -> list[str]:
-    """Write x y z qx qy qz qw of poses."""
+    """Return lines x y z qx qy qz qw of poses."""
     return number_lines(np.concatenate([poses[:, :3, 3], quaternions(poses[:, :3, :3])], axis=1))
 
 
@@ -203,7 +203,7 @@ def _by_columns(matrices: list[list[float]], size: int) -> FloatArray:
 
 
 def format_json(graph: GraphContent, names: Sequence[str] = ()) -> str:
-    """Write Open3D's JSON; where the nodes are scans, it has their names and rows too."""
+    """Return Open3D's JSON; if the nodes are scans, it contains their names and rows."""
     poses, measurements, information = (
         [matrix.T.ravel().tolist() for matrix in matrices]
         for matrices in (graph.poses, graph.measurements, graph.information[_SWAPPED])

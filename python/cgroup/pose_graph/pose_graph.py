@@ -160,7 +160,7 @@ class PoseGraph:
         write_file(path, self.encode(path.suffix.lower()))
 
     def encode(self, suffix: str, names: Sequence[str] = ()) -> bytes:
-        """Return the content of a file; where the nodes are scans, it has their names.
+        """Return the content of a file; if the nodes are scans, it contains their names.
 
         :meta private:
         """
@@ -175,7 +175,7 @@ class PoseGraph:
         threads: int | None = None,
         progress: Callable[[float], object] | None = None,
     ) -> PoseGraph:
-        """Return the graph with the poses of least cost.
+        """Return the graph with the poses of minimum cost.
 
         The first node of each component keeps its pose.
 
@@ -188,7 +188,7 @@ class PoseGraph:
         threads : int, optional
             As for `register`.
         progress : callable, optional
-            Called with the share of the work done.
+            Called with the finished fraction of the work.
 
         Returns
         -------
@@ -229,7 +229,7 @@ class PoseGraph:
         return _core.pose_covariances(self._arrays(self.kept), np.array([node]), run_options())[0]
 
     def components(self) -> list[IndexArray]:
-        """Return the nodes that are connected by kept edges.
+        """Return the components of nodes that are connected by kept edges.
 
         Returns
         -------

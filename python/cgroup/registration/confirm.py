@@ -1,4 +1,4 @@
-"""Refine one pose and weigh it by itself, without matches or rivals."""
+"""Refine one pose and estimate its probability alone, without matches or rivals."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from cgroup.verification import align, verify
 def confirm_pose(
     source: PreparedScan, target: PreparedScan, pose: FloatArray, threads: int | None
 ) -> Found | None:
-    """Refine a pose on the fine surfaces, and weigh it by itself; None without overlap."""
+    """Refine a pose on the fine surfaces, and estimate its probability alone; None without overlap."""
     refined = align(*fine_surfaces(source, target), pose, threads=threads)
     if len(refined.residuals) == 0:
         return None

@@ -35,7 +35,7 @@ _LEAST_RESISTANCE = 1e-6
 
 
 def count_open_motions(found: Alignment, source: PreparedScan, target: PreparedScan) -> int:
-    """Return the number of motions that the surfaces leave open: 3 for a plane, 1 for a corridor.
+    """Return the number of motions that the surfaces do not constrain: 3 for a plane, 1 for a corridor.
 
     A motion is open if the surfaces hardly resist it, and if refining does not undo a displacement of a voxel
     along it. Normals of a rough plane seem to resist it but do not pull the pose back; a shallow relief does.
@@ -88,13 +88,13 @@ def _displace(
 
 
 def _share_left(left: FloatArray, resisted: Resistance, voxel: float) -> FloatArray:
-    """Return the remaining share of each displacement, averaged over both sides, (k,)."""
+    """Return the remaining fraction of each displacement, averaged over both sides, (k,)."""
     lengths = np.linalg.norm(left / resisted.scale, axis=1)
     return lengths.reshape(2, -1).mean(axis=0) / (DISPLACED * voxel)
 
 
 def deviations_at(covariance: FloatArray, place: FloatArray) -> tuple[float, float]:
-    """Return standard deviations of a pose: of its rotation in degrees, and at a place of the target."""
+    """Return standard deviations of a pose: of its rotation in degrees, and of a point of the target."""
     change = about(place)
     turned, moved = np.diagonal(change @ covariance @ change.T).reshape(2, 3).sum(axis=1) ** 0.5
     return float(np.degrees(turned)), float(moved)

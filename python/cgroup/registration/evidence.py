@@ -50,7 +50,7 @@ def gather(source: PreparedScan, target: PreparedScan, pose: FloatArray) -> Evid
 
 
 def _count_cells(scan: PreparedScan, surface: FineSurface, distances: FloatArray) -> int:
-    """Count the cells of which most samples near the other surface lie on it."""
+    """Count the cells in which most samples near the other surface are on it."""
     cells = scan.cells(surface)
     near = np.isfinite(distances) & (cells >= 0)
     on = near & (distances < _ON * surface.spacing)
@@ -59,7 +59,7 @@ def _count_cells(scan: PreparedScan, surface: FineSurface, distances: FloatArray
 
 
 def _look(one: PreparedScan, other: PreparedScan, pose: FloatArray) -> tuple[int, int]:
-    """Count the voxels in the other's free space, and all that are seen."""
+    """Return the numbers of voxels in the other's free space, and of all visible voxels."""
     where = places(one.surface, other.surface, pose, threads=one.threads)
     crossed = int((where == Place.IN_FRONT).sum())
     return crossed, crossed + int(((where == Place.ON) | (where == Place.OFF)).sum())

@@ -1,4 +1,4 @@
-"""Judge poses: rank them, estimate their probability, accept or reject them with reasons.
+"""Rank poses, estimate their probability, and accept or reject them with reasons.
 
 The coefficients were fitted on generated worlds and half of the pairs of real scans (see
 `docs/registration-internals.md`).
@@ -132,19 +132,19 @@ def judge(
 
 
 def is_accepted(probability: float) -> bool:
-    """Whether a pose is accepted."""
+    """Return whether a pose is accepted."""
     return probability >= ACCEPTED
 
 
 def is_sure(probability: float) -> bool:
-    """Whether a pose is so probable that the search ends."""
+    """Return whether a pose is probable enough to end the search."""
     return probability >= SURE
 
 
 def rank(
     scores: FloatArray, evidence: IndexArray, alignments: Sequence[Alignment], voxel: float
 ) -> FloatArray:
-    """Return the value of each pose, higher is better, from its score, agreeing matches and residuals."""
+    """Return the rank value of each pose from its score, agreeing matches and residuals; higher is better."""
     misfits = np.array([misfit(found, voxel) for found in alignments])
     support = np.log1p(np.minimum(evidence, MOST_MATCHES))
     known = len(alignments)
@@ -179,17 +179,17 @@ class Case:
 
     @property
     def shape_nats(self) -> float:
-        """Logarithm of the cells off all planes where the surfaces agree."""
+        """Logarithm of the number of cells off all planes in which the surfaces agree."""
         return float(np.log1p(self.evidence.cells))
 
     @property
     def misfit_nats(self) -> float:
-        """Logarithm of the misfit; residuals below the noise add nothing."""
+        """Logarithm of the misfit; residuals below the noise count as noise."""
         return float(np.log(max(self.misfit, 1.0)))
 
     @property
     def crossed_nats(self) -> float:
-        """Logarithm of the share in free space; 0 for none, or without viewpoints."""
+        """Logarithm of the fraction in free space; 0 without any, or without viewpoints."""
         return float(np.log1p(np.nan_to_num(self.evidence.crossed) / CROSSED_BY_CHANCE))
 
     @property
@@ -204,7 +204,7 @@ class Case:
 
 
 def weigh(case: Case) -> float:
-    """Return the evidence for a pose in nats, to be compared with other poses of the same scans."""
+    """Return the evidence for a pose in nats, for comparison with other poses of the same scans."""
     return (
         4.0 * case.score_nats
         + 0.5 * case.support_nats
@@ -216,7 +216,7 @@ def weigh(case: Case) -> float:
 
 
 def lead_over_chance(case: Case) -> float:
-    """Return the lead of a pose in nats over poses of unrelated scans by chance."""
+    """Return the lead of a pose in nats over random poses of unrelated scans."""
     could_be_refuted = not np.isnan(case.evidence.crossed)
     return (
         2.0 * case.score_nats
@@ -229,12 +229,12 @@ def lead_over_chance(case: Case) -> float:
 
 
 def share_probability(best: Case, rivals: Sequence[Case], scales: int = 1) -> tuple[float, FloatArray]:
-    """Share probability among the best pose, its rivals, and none of these.
+    """Divide the probability among the best pose, its rivals, and "none of these".
 
     The best of equal poses leads by chance, so a rival has a full share until the lead exceeds
     `LEAD_BY_CHANCE`. "None of these" counts once per tried scale, as more freedom fits more by chance.
 
-    Return the probability that the best pose is right, and that of each rival as a multiple of it.
+    Return the probability that the best pose is correct, and that of each rival as a multiple of it.
     """
     leads = np.array([weigh(best) - weigh(rival) for rival in rivals])
     shares = np.exp(np.clip(LEAD_BY_CHANCE - leads, -_MOST_NATS, LEAD_BY_CHANCE))
@@ -251,7 +251,7 @@ def are_alternatives(probability: float, shares: FloatArray) -> BoolArray:
 
 
 def bound_by_size(probability: float, *scans: PreparedScan) -> float:
-    """Lower the probability for clouds of few voxels, which unrelated ones fit by chance."""
+    """Reduce the probability for clouds of few voxels, which fit unrelated clouds by chance."""
     return probability * min(1.0, min(len(scan) for scan in scans) / LEAST_VOXELS)
 
 
@@ -321,7 +321,7 @@ def _count_repeats(scan: PreparedScan) -> str:
 
 
 def _find_rounded(*scans: PreparedScan) -> list[str]:
-    """Return remarks on coordinates that have lost digits."""
+    """Return notes on coordinates with lost digits."""
     return [
         f"{scan.scan.name}: coordinates of single precision lie {scan.scan.rounding:.2g} apart so far from "
         "the origin, too much for its points: give float64, or subtract an offset before they are rounded"
@@ -331,7 +331,7 @@ def _find_rounded(*scans: PreparedScan) -> list[str]:
 
 
 def _find_layers(*scans: PreparedScan) -> list[str]:
-    """Return remarks on viewpoints from which points lie behind each other."""
+    """Return notes on viewpoints from which points occlude each other."""
     layered: list[str] = []
     for scan in scans:
         if not scan.shows_layers:
@@ -348,7 +348,7 @@ def _find_layers(*scans: PreparedScan) -> list[str]:
 
 
 def _remedy(source: PreparedScan, target: PreparedScan, axis: FloatArray | None, *, scaled: bool) -> str:
-    """Return the likely cause of a failure, and a further argument to give."""
+    """Return the likely cause of a failure, and an argument that may help."""
     rounded = _find_rounded(source, target)
     if rounded:
         return rounded[0]

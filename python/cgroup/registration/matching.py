@@ -70,7 +70,7 @@ def as_correspondences(source: DescribedCloud, target: DescribedCloud, matches: 
 
 
 def _fields_of(source: DescribedCloud, target: DescribedCloud, matches: Matches) -> Fields:
-    """Return fields that share no memory with the clouds."""
+    """Return copies of the fields, independent of the clouds."""
     rows, partners = matches.source_indices, matches.target_indices
     return Fields(
         source.points[rows],
@@ -123,7 +123,7 @@ def propose_poses(
 ) -> FloatArray:
     """Group matches, and return the poses of the group; LC groups them by position alone.
 
-    Where the resolution is known, it is that of voxels, so LC need not look for another.
+    A known resolution is that of voxels, so LC need not estimate another.
     """
     if method == "lc":
         if matches.resolution is not None:

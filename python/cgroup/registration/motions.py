@@ -27,7 +27,7 @@ def say_motion(vector: FloatArray, points: FloatArray) -> str:
 
 
 def _upwards(vector: FloatArray) -> FloatArray:
-    """Return a vector or its opposite, whose largest coordinate is positive."""
+    """Return a vector or its opposite, such that the largest coordinate is positive."""
     return vector * np.sign(vector[np.argmax(np.abs(vector))])
 
 
@@ -38,7 +38,7 @@ def say_direction(vector: FloatArray) -> str:
 
 
 class Resistance(NamedTuple):
-    """Resistance of the surfaces to motions about their middle."""
+    """Resistance of the surfaces to motions about their centre."""
 
     values: FloatArray  # (6,), of each motion, the least first, as a share of the resistance of all pairs
     # (6,6), one per row: a rotation vector and the translation of the middle, of a size that moves the
@@ -50,7 +50,7 @@ class Resistance(NamedTuple):
 
 
 def resistance(information: FloatArray, points: FloatArray) -> Resistance:
-    """Decompose the matrix of a point-to-plane step into motions about the points' middle."""
+    """Decompose the matrix of a point-to-plane step into motions about the centre of the points."""
     middle, radius = _middle(points)
     scale = np.array([1 / radius] * 3 + [1.0] * 3)
     change = np.linalg.inv(about(middle)) * scale
@@ -60,6 +60,6 @@ def resistance(information: FloatArray, points: FloatArray) -> Resistance:
 
 
 def _middle(points: FloatArray) -> tuple[FloatArray, float]:
-    """Return the medians of the points and of their distances from it, which outliers do not move."""
+    """Return the median of the points and the median distance from it, both robust to outliers."""
     middle = np.median(points, axis=0)
     return middle, float(np.median(np.linalg.norm(points - middle, axis=1)))

@@ -1,4 +1,4 @@
-"""Starts near a rough pose: a grid, reduced to the few that fit on coarse surfaces."""
+"""Start poses near a rough pose: a grid, reduced to the best on coarse surfaces."""
 
 from __future__ import annotations
 
@@ -48,11 +48,11 @@ class Nearby(NamedTuple):
     radius: float  # error at the middle of the source; 0 for the default until `around`
 
     def around(self, source: PreparedScan) -> Nearby:
-        """Return it with the default radius of a source, unless one was given."""
+        """Return the rough pose with the default radius of a source, unless a radius was given."""
         return self._replace(radius=self.radius or RADIUS * source.scan.diagonal)
 
     def holds(self, poses: FloatArray, scan: PreparedScan) -> BoolArray:
-        """Return the mask of poses that are near enough, to a voxel and a degree."""
+        """Return the mask of poses within the allowed error, plus a voxel and a degree."""
         cosines = (np.einsum("nij,ij->n", poses[:, :3, :3], self.pose[:3, :3]) - 1) / 2
         middle = scan.scan.centroid
         away = np.linalg.norm((poses - self.pose)[:, :3] @ np.append(middle, 1.0), axis=1)
@@ -78,7 +78,7 @@ class Nearby(NamedTuple):
 
 
 def _ball(radius: float, step: float) -> FloatArray:
-    """Points of a grid around the origin, (m,3), with none beyond a radius and its centre first."""
+    """Return grid points within a radius of the origin, (m,3), the origin first."""
     count = int(np.ceil(radius / step))
     ticks = np.linspace(-radius, radius, 2 * count + 1)
     grid = np.stack(np.meshgrid(ticks, ticks, ticks, indexing="ij"), axis=-1).reshape(-1, 3)

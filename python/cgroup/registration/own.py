@@ -1,4 +1,4 @@
-"""Matches and descriptors of the user's own, by the points of the clouds as they were given."""
+"""Matches and descriptors of the user, by the input points of the clouds."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _ROWS = "give Correspondences, or (i, j): rows of matched points, such as rows.T
 
 
 def as_matches(matches: object, source: PreparedScan, target: PreparedScan) -> Correspondences:
-    """Check matches, which are rows of the clouds as given or positions, and add what methods need."""
+    """Check matches, given as rows of the input clouds or as positions; add the fields for methods."""
     given = matches if isinstance(matches, Correspondences) else _matches_of_rows(matches, source, target)
     for name, points in (("matches.source", given.source), ("matches.target", given.target)):
         wrong = np.flatnonzero(~np.isfinite(points).all(axis=1))
@@ -65,7 +65,7 @@ def _rows_of(name: str, value: Any, scan: PreparedScan) -> IndexArray:  # noqa: 
 
 
 def match_nothing(source: PreparedScan) -> Correspondences:
-    """Return no match, for a pose that came from none."""
+    """Return empty matches, for a pose without matches."""
     nothing = np.empty((0, 3))
     unit = UNIT * source.voxel
     return own_correspondences(
@@ -76,7 +76,7 @@ def match_nothing(source: PreparedScan) -> Correspondences:
 def as_own_descriptors(
     descriptors: object, source: PreparedScan, target: PreparedScan
 ) -> tuple[RealArray, RealArray]:
-    """Check descriptors of the points of the clouds as given, NaN for those without one."""
+    """Check descriptors of the input points, NaN for points without one."""
     remedy = "give two arrays, one row per point of source and target, NaN for none"
     sides = as_items("descriptors", descriptors, remedy)
     if len(sides) != 2:
@@ -101,7 +101,7 @@ def _descriptors_of(name: str, value: Any, scan: PreparedScan) -> RealArray:  # 
 
 
 def describe_voxels(scan: PreparedScan, values: RealArray) -> DescribedCloud:
-    """Return the first described point of each voxel, with the frame of the voxel next to it."""
+    """Return the first described point of each voxel, with the frame of the nearest voxel."""
     known, kept = scan.described, scan.scan.cloud.points
     inside = (scan.scan.given >= kept.min(axis=0)) & (scan.scan.given <= kept.max(axis=0))  # no strays
     rows = np.flatnonzero(np.isfinite(values).all(axis=1) & inside.all(axis=1))

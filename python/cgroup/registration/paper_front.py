@@ -66,7 +66,7 @@ class PaperFront:
     iss_radii : (float, float) or None
         Radii of ISS in pr: of the scatter and of the non-maximum suppression; None for 2.7 and 1.8.
     frames : {"shot", "toldi"}
-        Local reference frames of the matches; descriptors stay as they are.
+        Local reference frames of the matches; descriptors do not change.
     matching : {"nearest", "mutual"}
         Every source keypoint with the target keypoint of nearest descriptor; or only matches whose keypoints
         are each other's nearest.
@@ -160,7 +160,7 @@ def correspond_by(
     threads: int | None = None,
     begin: Callable[[str], Any] = ignore_progress,
 ) -> Correspondences:
-    """Match keypoints of two clouds; `begin` is told of each stage."""
+    """Match keypoints of two clouds; `begin` is called with the name of each stage."""
     begin("resolution")
     scans = as_scan("source", source, distinct=True), as_scan("target", target, distinct=True)
     given, normals = front.resolution, front.normals
@@ -186,7 +186,7 @@ def correspond_by(
 
 
 def common_resolution(source: Scan, target: Scan, threads: int | None) -> float:
-    """Average the resolutions of two clouds that are in the same unit."""
+    """Return the mean resolution of two clouds in the same unit."""
     resolutions = source.resolution(threads), target.resolution(threads)
     if max(resolutions) > MAX_RESOLUTION_RATIO * min(resolutions):
         both = "source, target"
@@ -205,7 +205,7 @@ def detect(
     nms_radius: float | None = None,
     threads: int | None = None,
 ) -> IndexArray:
-    """Return the keypoints that have enough points around them to be described.
+    """Return the keypoints with enough neighbours for a descriptor.
 
     Further parameters are as for `PaperFront` and as for `register`.
 
@@ -244,7 +244,7 @@ def surface_normals(
     Returns
     -------
     (N,3) array of float64
-        Unit vectors, or as given; NaN rows where there is none.
+        Unit vectors, or as given; NaN rows for missing ones.
     """
     as_choice("normals", normals, NORMALS)
     scan = as_scan("cloud", cloud, distinct=normals != "given")
@@ -293,7 +293,7 @@ def describe(
 
 
 def _rows_given(scan: Scan, rows: IndexArray) -> IndexArray:
-    """Return rows of the distinct points as rows of the points as given: of each the first."""
+    """Return rows of distinct points as rows of the input points, the first of each."""
     return rows if scan.rows is None else scan.rows[rows]
 
 
@@ -350,7 +350,7 @@ def _describe(
 
 
 def _times(pr: float, *radii: float | None) -> list[float | None]:
-    """Return radii in pr as lengths; None where there is none."""
+    """Return radii in pr as lengths; None for missing ones."""
     return [None if radius is None else radius * pr for radius in radii]
 
 

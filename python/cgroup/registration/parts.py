@@ -19,7 +19,7 @@ _ALIKE, _TOLERANCE = 2.0, 1.5  # ratio of the voxels of two parts; voxels betwee
 
 
 def propose_by_parts(source: PreparedScan, target: PreparedScan, threads: int | None) -> FloatArray:
-    """Return poses at which the centres of separate parts coincide, (n,4,4).
+    """Return poses that align the centres of separate parts, (n,4,4).
 
     Parts of the same shape have the same descriptors, so each is matched with all of similar size, and
     SC2-PCR groups these matches. Empty unless both clouds consist of such parts.
@@ -53,7 +53,7 @@ def find_parts(points: FloatArray, voxel: float) -> tuple[IndexArray, IndexArray
 
 
 def _label_neighbors(cells: IndexArray) -> IndexArray:
-    """Return the least row of the cells (n,3), each once, that each is linked with by neighbours."""
+    """Return the least row of the connected component of each of the distinct cells (n,3)."""
     _, height, depth = cells.max(axis=0) + 3
     strides = np.array((height * depth, depth, 1))
     numbers = (cells + 1) @ strides  # ascending

@@ -1,4 +1,4 @@
-"""Planes of a scan, and the number that a pose aligns with those of another."""
+"""Planes of a scan, and the number of planes that a pose aligns with another scan."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Planes:
 
 
 def find_planes(points: FloatArray, voxel: float) -> Planes:
-    """Find planes one after the other, by random triples of points that lie near each other."""
+    """Find planes one after another from random triples of nearby points."""
     rng = default_rng(0)
     labels = np.full(len(points), -1)
     left = np.arange(len(points))
@@ -59,7 +59,7 @@ def find_planes(points: FloatArray, voxel: float) -> Planes:
 
 
 def _fit_plane(points: FloatArray, voxel: float, rng: np.random.Generator) -> IndexArray:
-    """Return the rows of the points on the best of some hypotheses; few without a plane."""
+    """Return the rows of the points on the best hypothesis; few rows mean no plane."""
     voters = points[rng.permutation(len(points))[:_SAMPLES]]
     axes = np.ascontiguousarray(voters.T)  # coordinate by coordinate, which is faster
     starts = voters[rng.integers(len(voters), size=_HYPOTHESES)]
@@ -94,7 +94,7 @@ def _fit(points: FloatArray) -> tuple[FloatArray, FloatArray]:
 def number_cells(
     points: FloatArray, planes: Planes, voxels: FloatArray, voxel: float, axes: FloatArray
 ) -> IndexArray:
-    """Return the cell of each point along axes; -1 for points by a plane of the voxels."""
+    """Return the cell of each point along axes; -1 for points near a plane of the voxels."""
     by_a_plane = np.zeros(len(points), dtype=bool)
     for label, (normal, center) in enumerate(zip(planes.normals, planes.centers, strict=True)):
         rows = np.flatnonzero(np.abs((points - center) @ normal) < _EDGE * voxel)

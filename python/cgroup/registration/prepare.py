@@ -39,7 +39,7 @@ from cgroup.verification.alignment import sample_points
 
 UNIT = 0.4  # unit of the surfaces and of the matches, in voxels
 VOXELS = 5000  # voxels that a cloud is thinned to, about
-LEAST_VOXELS = 100  # voxels below which unrelated clouds lie on each other too well by chance
+LEAST_VOXELS = 100  # voxels below which unrelated clouds fit each other too well by chance
 MOST_VOXELS = 100_000  # voxels beyond which matching each with all others takes more than some 20 seconds
 # Share and number of the voxels that have a normal, below which they are too far apart
 LEAST_PLANES, LEAST_PLANAR_VOXELS = 0.1, 10
@@ -126,13 +126,13 @@ class PreparedScan:
     _thinned: dict[float, FloatArray] = field(default_factory=dict)
 
     def __reduce__(self) -> tuple[Callable[..., PreparedScan], tuple[Any, ...]]:
-        """Pickle the slow results; surfaces are built again."""
+        """Pickle the expensive results; surfaces are built again."""
         parts = self.scan, self.front, self.voxel, self.viewpoint, self.voxels, self.normals
         return assemble, (*parts, vars(self).get("described"), self.by_frames, self.threads)
 
     @cached_property
     def described(self) -> DescribedCloud:
-        """Frames and FPFH of the voxels that have them, computed when first needed.
+        """Frames and FPFH of the voxels that have them, computed on first use.
 
         `DescribedCloud.indices` are rows of `voxels`.
         """
@@ -145,7 +145,7 @@ class PreparedScan:
         return DescribedCloud(rows, points, frames[rows], values[rows], unit, self.scan.centroid)
 
     def fine_surface(self, share: float) -> FineSurface | None:
-        """Return the cloud with the spacing of a share of the voxel; None where it is too sparse for that.
+        """Return the cloud at the spacing of a fraction of the voxel; None if the cloud is too sparse.
 
         :meta private:
         """
@@ -158,7 +158,7 @@ class PreparedScan:
         return self._fine_surfaces[share]
 
     def thinned(self, share: float) -> FloatArray:
-        """Return the mean point of each cell of a share of the voxel, (n,3).
+        """Return the mean point of each cell with a fraction of the voxel as edge, (n,3).
 
         :meta private:
         """
@@ -169,7 +169,7 @@ class PreparedScan:
 
     @cached_property
     def turned_by_frames(self) -> PreparedScan:
-        """The same scan with normals to the side of SHOT's z axis, as a partner without viewpoint needs.
+        """The same scan with normals to the side of SHOT's z axis, for a partner without viewpoint.
 
         :meta private:
         """
@@ -180,7 +180,7 @@ class PreparedScan:
 
     @cached_property
     def shows_layers(self) -> bool:
-        """Whether points lie behind each other as seen from the viewpoint; in a single scan none do.
+        """Whether points occlude each other from the viewpoint; in a single scan none do.
 
         :meta private:
         """
@@ -207,7 +207,7 @@ class PreparedScan:
         return self._cells[surface.spacing]
 
     def resized(self, factor: float, begin: Callable[[str], Any] = ignore_progress) -> PreparedScan:
-        """Prepare the same scan with voxels of another size, a factor of those of now.
+        """Prepare the same scan with voxels of another size, a factor of the current one.
 
         :meta private:
         """
@@ -252,7 +252,7 @@ def assemble(
 def fine_surfaces(
     source: PreparedScan, target: PreparedScan, shares: Sequence[float] = FINE
 ) -> tuple[FineSurface, FineSurface]:
-    """Return the fine surfaces of both scans, at the first spacing that the sparser one allows."""
+    """Return the fine surfaces of both scans, at the first spacing that suits the sparser one."""
     for share in shares:
         both = source.fine_surface(share), target.fine_surface(share)
         if both[0] is not None and both[1] is not None:
@@ -329,7 +329,7 @@ def prepare(
 
 
 class Given(NamedTuple):
-    """A scan as the caller gives it: ready or not, and where its scanner stood."""
+    """An input scan, prepared or not, and its viewpoint."""
 
     name: str
     scan: PreparedScan | Scan
@@ -342,7 +342,7 @@ class Given(NamedTuple):
 
     @property
     def whole(self) -> Scan:
-        """The cloud before it was thinned."""
+        """The cloud before downsampling."""
         return self.scan.scan if isinstance(self.scan, PreparedScan) else self.scan
 
     @property
@@ -358,7 +358,7 @@ def as_given(
     *,
     or_stored: bool = False,
 ) -> Given:
-    """Check a scan that may be ready; where no viewpoint is given, that of its file may be taken."""
+    """Check a scan, prepared or not; without a given viewpoint, that of its file may be used."""
     if isinstance(cloud, PreparedScan):
         return Given(name, cloud, viewpoint)
     scan = as_surface(name, cloud)
@@ -367,7 +367,7 @@ def as_given(
 
 
 class Preparation(NamedTuple):
-    """How all scans of a call are made ready: with the same voxel and radii."""
+    """Preparation of all scans of a call, with the same voxel and radii."""
 
     voxel: float
     front: DenseFront
@@ -381,7 +381,7 @@ class Preparation(NamedTuple):
         by_frames: bool | None = None,
         with_descriptors: bool = True,
     ) -> PreparedScan:
-        """Make a scan ready, unless it is; with normals by SHOT's frames where a partner needs them."""
+        """Prepare a scan, unless it is prepared; with normals by SHOT's frames if a partner needs them."""
         turned, role = given.by_frames if by_frames is None else by_frames, f"{given.name} "
         if isinstance(given.scan, PreparedScan):
             ready = given.scan.turned_by_frames if turned else given.scan
@@ -401,7 +401,7 @@ class Preparation(NamedTuple):
         by_frames: bool,
         role: str = "",
     ) -> PreparedScan:
-        """Make a scan ready; its normals are by frames, by the viewpoint, or those it has."""
+        """Prepare a scan, with normals oriented by frames or by the viewpoint, or with its own."""
         scan = scan.sampled(self.voxel)
         eye = None if viewpoint is None else scan.viewpoint(viewpoint)
         voxels = self.thin(scan, begin, with_normals=not by_frames and eye is None, role=role)
@@ -415,7 +415,7 @@ class Preparation(NamedTuple):
     def thin(
         self, scan: Scan, begin: Callable[[str], Any], *, with_normals: bool = False, role: str = ""
     ) -> Voxels:
-        """Thin a scan to voxels, with the normals that it has if they are wanted."""
+        """Downsample a scan to voxels, with its own normals if requested."""
         begin(f"{role}voxels")
         given = scan.normals if with_normals else None
         voxels = thin(scan.cloud, self.voxel, normals=given, threads=self.threads)
@@ -450,7 +450,7 @@ class Preparation(NamedTuple):
         by_frames: bool,
         role: str,
     ) -> tuple[FloatArray, FloatArray | None]:
-        """Return normals (M,3) of voxels, and frames (M,3,3) where they tell the side."""
+        """Return normals (M,3) of voxels, and frames (M,3,3) if these orient the normals."""
         begin(f"{role}normals")
         normals = features.normals(
             thinned,
@@ -486,7 +486,7 @@ class Preparation(NamedTuple):
 def agree(
     given: Sequence[Given], voxel: float | None, front: DenseFront | None, threads: int | None
 ) -> Preparation:
-    """Return voxel and radii that all scans share: those of prepared ones, those given, or chosen ones."""
+    """Return the common voxel and radii of all scans: of prepared scans, given, or chosen."""
     for one in given:
         if isinstance(one.scan, PreparedScan):
             _refuse_late_options(one.name, one.scan, one.viewpoint, front)
@@ -501,7 +501,7 @@ def agree(
 def _refuse_late_options(
     name: str, scan: PreparedScan, viewpoint: ArrayLike | None, front: DenseFront | None
 ) -> None:
-    """Raise `InputError` for options that the preparation of a scan should have had."""
+    """Raise `InputError` for options that belong to the preparation of a scan."""
     if viewpoint is not None and scan.scan.viewpoint(viewpoint) != scan.viewpoint:
         remedy = f"{name} is prepared, with viewpoint={scan.viewpoint}; prepare it anew"
         raise InputError(viewpoint_name(name), remedy=remedy)
@@ -522,7 +522,7 @@ def _shared_voxel(prepared: Sequence[PreparedScan], voxel: float | None) -> floa
 
 
 def _choose_voxel(scans: Sequence[Scan], voxel: float | None, threads: int | None) -> float:
-    """Return the voxel given, or one that suits all scans: the sparsest, and the widest."""
+    """Return the given voxel, or one that suits all scans, including the sparsest and the widest."""
     if voxel is not None:
         return as_length("voxel", voxel)
     few = min(len(scan.cloud) for scan in scans) < FEW_POINTS
@@ -530,7 +530,7 @@ def _choose_voxel(scans: Sequence[Scan], voxel: float | None, threads: int | Non
 
 
 def suit_all(scans: Sequence[Scan], size: float, threads: int | None) -> float:
-    """Return a voxel, or a larger one at which each cloud is a surface that can be worked with."""
+    """Return a voxel, or a larger one at which each cloud is a surface."""
     size = max(size, *(_least_voxel(scan) for scan in scans))
     for scan in sorted(scans, key=lambda scan: len(scan.cloud)):
         if len(scan.cloud) >= _SPARSE:
@@ -544,7 +544,7 @@ def suit_all(scans: Sequence[Scan], size: float, threads: int | None) -> float:
 
 
 def _is_surface(scan: Scan, voxel: float, threads: int | None) -> bool:
-    """Whether most voxels of a cloud have neighbours that fix a plane."""
+    """Return whether most voxels of a cloud have enough neighbours for a plane fit."""
     voxels = thin(scan.cloud, voxel, threads=threads).points
     radius = DenseFront.normal_radius * voxel
     normals = features.normals(voxels, radius=radius, neighbors=NORMAL_NEIGHBORS, threads=threads)
@@ -552,7 +552,7 @@ def _is_surface(scan: Scan, voxel: float, threads: int | None) -> bool:
 
 
 def _least_voxel(scan: Scan) -> float:
-    """Return the voxel at which the box of a scan has as many blocks as that of a surface may have."""
+    """Return the voxel at which the bounding box of a scan has the maximum number of blocks of a surface."""
     points = scan.cloud.points
     sides = in_double(points.max(axis=0)) - in_double(points.min(axis=0))
     voxel = float(sides.max()) / _BLOCK / _MOST_ALONG
@@ -562,7 +562,7 @@ def _least_voxel(scan: Scan) -> float:
 
 
 def _choose_by_number(scans: Sequence[Scan], threads: int | None) -> float:
-    """Return the usual voxel of all scans, or what the smallest needs."""
+    """Return the usual voxel of all scans, or a smaller one for the smallest scan."""
 
     def leave(count: int, *scans: Scan) -> float:
         return choose_thinning(*(scan.cloud for scan in scans), voxels=count, threads=threads)
@@ -577,7 +577,7 @@ def _choose_by_number(scans: Sequence[Scan], threads: int | None) -> float:
         if len(thin(small.cloud, size, threads=threads)) >= LEAST_VOXELS:
             return size
     if len(thin(small.cloud, needed, threads=threads)) < LEAST_VOXELS:
-        return size  # too few whatever the other
+        return size  # too few for any partner
     raise InputError(
         f"{small.name}, {large.name}",
         remedy=(
@@ -610,7 +610,7 @@ def _say_filled(scan: Scan, voxel: float, count: int) -> str:
 
 
 def _check_normals(scan: Scan, voxel: float, normals: FloatArray) -> None:
-    """Refuse a cloud that is no surface at the size of its voxels."""
+    """Raise if a cloud is not a surface at the size of its voxels."""
     planes = int(np.isfinite(normals).all(axis=1).sum())
     if planes < max(LEAST_PLANES * len(normals), LEAST_PLANAR_VOXELS):
         raise InputError(

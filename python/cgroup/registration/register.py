@@ -90,7 +90,7 @@ def register(
         Viewing direction of the scanner, in the frame of each cloud, if its position is unknown or its rays
         are parallel: (0, 0, -1) for most scanners of objects on a turntable.
     axis : (3,) array_like of float, optional
-        A direction that all clouds share, such as gravity; a pose may tilt it by 10 degrees.
+        A common direction of all clouds, such as gravity; a pose may tilt it by 10 degrees.
     effort : {"low", "normal", "high"}
         Length of the search: mutual matches only; all matches if these are not enough; then also finer voxels
         with the three nearest matches of each.
@@ -104,17 +104,17 @@ def register(
         none. The first described point of each voxel is matched.
     initial : (4,4) array_like of float, optional
         Rough pose of the source in the target's frame, such as odometry. The pose is searched for near it, on
-        the surfaces alone: nothing is matched.
+        the surfaces only, without matches.
     radius : float, optional
-        Largest error of `initial` at the middle of the source, in the unit of the points; a fifth of the
+        Largest error of `initial` at the centre of the source, in the unit of the points; a fifth of the
         source's diagonal by default.
     angle : float, optional
         Largest error of the rotation of `initial`, in degrees; 15 by default.
     scale : bool or (float, float)
         Whether to estimate the scale: the length in the target of the source's unit, within two bounds if
-        given. It is searched for where both clouds have about the same size, to a factor of 3; bounds only
-        narrow that. All lengths, also those of the result, are in the target's unit. Not together with
-        `matches`, `descriptors`, `initial`, the paper's front or prepared scans.
+        given. In equal units, the sizes of the clouds may differ by a factor of 3; bounds only narrow this
+        range. All lengths, also those of the result, are in the target's unit. Not together with `matches`,
+        `descriptors`, `initial`, the paper's front or prepared scans.
     method : str, optional
         Grouping method that proposes poses, one of `cgroup.METHODS`; "lc" by default, "gtm" with the paper's
         front.
@@ -182,7 +182,7 @@ def register(
         _, degrees, reach = search.nearby
         near = f"none fits within {reach:.4g} and {degrees:g} degrees of `initial`"
         reason = f"{near}; give a larger `radius` or `angle`, or no `initial`"
-    error = NoConsensusError(f"no pose that can be trusted: {reason}")
+    error = NoConsensusError(f"no reliable pose: {reason}")
     error.registration = registration
     raise error
 
@@ -204,7 +204,7 @@ def assess(
     threads: int | None = None,
     progress: Callable[[str], Any] | None = None,
 ) -> Registration:
-    """Return the probability that a given pose is right.
+    """Return the probability that a given pose is correct.
 
     The pose takes part in a search for the best one, and is compared with all poses that the search finds. It
     is right if the refined pose is, and if refining moves the source by little: half of the probability is
@@ -261,7 +261,7 @@ def assess(
             if far
             else where
         )
-        better = f"a better pose lies {where}"
+        better = f"a better pose is {where}"
         notes = (better, *notes)
         others = np.concatenate([best[None], others])
     elif judgement.reason:
@@ -285,7 +285,7 @@ def refine(
     threads: int | None = None,
     progress: Callable[[str], Any] | None = None,
 ) -> Registration:
-    """Refine a given pose on the surfaces, and judge it by itself.
+    """Refine a given pose on the surfaces, and estimate its probability alone.
 
     The error of the pose may be about three voxels; give a rougher one to `register` as `initial`. Only this
     place is examined: of two places that look the same either is accepted. `assess` searches for such rivals.

@@ -60,14 +60,14 @@ class Registration:
         Probability that it is right, in [0,1], against all other places and "none of these"; places that look
         the same share it.
     fitness : float
-        Share of the source's surface that overlaps the target's.
+        Fraction of the source's surface that overlaps the target's.
     target_fitness : float
-        Share of the target's surface that overlaps the source's.
+        Fraction of the target's surface that overlaps the source's.
     inlier_rmse : float
         Root mean square of the distances to the target's planes in the overlap, in the unit of the points.
     covariance : (6,6) array of float64
         Of the small motion x = (rotation vector, translation) in the target's frame to the true pose,
-        ``T_true = Exp(x) T_target_source``, if the pose is right; `covariance_in` returns those of other
+        ``T_true = Exp(x) T_target_source``, if the pose is correct; `covariance_in` returns those of other
         libraries. Along an open motion the deviation is about five voxels.
     open_motion : (6,) array of float64 or None
         The motion that the surfaces hardly resist (along a wall, about a pipe), in the same coordinates; None
@@ -111,7 +111,7 @@ class Registration:
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> object:
-            """Raise for an unknown attribute; suggest ours for the names of other libraries."""
+            """Raise `AttributeError`; suggest the attribute for names from other libraries."""
             ours = _ELSEWHERE.get(name)
             guess = f"; did you mean {ours!r}?" if ours else ""
             raise AttributeError(f"a Registration has no {name!r}{guess}", name=name, obj=self)
@@ -125,7 +125,7 @@ class Registration:
 
     @property
     def deviations(self) -> tuple[float, float]:
-        """Standard deviations of the rotation, and of the position of the source's middle.
+        """Standard deviations of the rotation, and of the position of the source's centre.
 
         In degrees, and in the unit of the points: square roots of the traces of the two blocks of
         `covariance`, about the mean of the source's points.
@@ -231,7 +231,7 @@ class Registration:
         )
 
     def _repr_html_(self) -> str:
-        answer = "the pose can be trusted" if self.ok else "the pose can't be trusted"
+        answer = "the pose is reliable" if self.ok else "the pose is not reliable"
         together = f"{self.grouping.size} of {len(self.correspondences)} that agree with the pose"
         shares = [f"{100 * share:.0f} %" for share in (self.fitness, self.target_fitness)]
         rows = [

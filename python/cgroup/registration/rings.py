@@ -1,6 +1,6 @@
 """Fill in the surface between the rings of scans with few beams.
 
-A spinning beam describes a cone, and all cones of a scanner share apex and axis. Neighbouring points of a
+A spinning beam describes a cone. All cones of a scanner have one apex and axis. Neighbouring points of a
 ring have the same angle to the axis at the apex, which fixes both.
 """
 
@@ -33,7 +33,7 @@ _GRAZING = 0.05  # sine of the angle to the ray (3 degrees) below which rings ar
 
 
 class Rings(NamedTuple):
-    """The ring of each point, and its angle about the axis of the scanner; the rings from below upwards."""
+    """The ring of each point, and its angle about the scanner's axis; rings are sorted by elevation."""
 
     labels: IndexArray
     around: FloatArray
@@ -42,7 +42,7 @@ class Rings(NamedTuple):
 
 
 def fill_between_rings(scan: Scan) -> Scan:
-    """Fill in the surface between the rings of a scan; return any other cloud unchanged.
+    """Fill in the surface between the rings of a scan; return other clouds unchanged.
 
     Neighbouring points of adjacent rings are joined by a line of points, unless it is seen at a grazing
     angle: then the rings lie on two surfaces.
@@ -93,7 +93,7 @@ def find_rings(points: FloatArray, axes: FloatArray) -> Rings | None:
     axis = chords.axis()
     starts = np.concatenate([np.zeros((1, 3)), _AWAY * axes, -_AWAY * axes])
     found = [few.fit(Apex(place, axis, np.inf), _ROUNDS) for place in starts]
-    # Not the best alone: seen from a place in the ground, all of that lies at one angle.
+    # Not the best alone: from a position in the ground plane, all ground points have one angle.
     for rough in sorted(found, key=lambda apex: apex.off):
         if _find_borders(some, rough, len(points)) is None:
             continue
@@ -190,7 +190,7 @@ def _find_borders(some: FloatArray, apex: Apex, count: int) -> FloatArray | None
 
 
 def _tell(local: FloatArray, apex: Apex, borders: FloatArray, radius: float) -> Rings:
-    """Return the rings of points whose unit is the cloud's radius."""
+    """Return the rings of points in units of the cloud's radius."""
     upwards = apex.upwards(local)
     rays = local - apex.place
     aside = np.linalg.svd(apex.axis[None])[2][1:]  # two directions at right angles to the axis

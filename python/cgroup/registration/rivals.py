@@ -1,4 +1,4 @@
-"""Propose rivals of a pose: slides along weak motions, turns about the axes of the normals."""
+"""Propose rivals of a pose: slides along weak motions, and rotations about the axes of the normals."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ _QUARTERS = (90.0, 180.0, 270.0)
 def propose_rivals(
     source: PreparedScan, target: PreparedScan, pose: FloatArray, information: FloatArray
 ) -> FloatArray:
-    """Propose other poses of the source, (m,4,4): slides and turns of a pose, to be verified.
+    """Propose unverified poses of the source, (m,4,4): slides and rotations of a pose.
 
     Slides follow the two directions and the motion that the surfaces resist least (along a wall, about the
     axis of a gear), by 10 to 62 voxels; turns are by quarters about the axes of the target's normals, through
-    the middle of the source.
+    the centre of the source.
     """
     points = apply(pose, source.voxels.points)
     slides = np.arange(_FIRST, _LAST, _STEP) * target.voxel

@@ -68,7 +68,7 @@ def register_scaled(
     front: DenseFront | None,
     bounds: tuple[float, float],
 ) -> tuple[Registration | None, Judgement]:
-    """Search for the similarity of two scans, and judge it."""
+    """Search for the similarity of two scans, and estimate its probability."""
     for one in given:
         if one.is_ready:
             raise InputError(one.name, "a PreparedScan, whose scale is fixed", "give the cloud itself")
@@ -125,7 +125,7 @@ def _narrow(bounds: tuple[float, float], ratio: float) -> tuple[float, float]:
     low, high = max(bounds[0], ratio / WITHIN), min(bounds[1], ratio * WITHIN)
     if low > high:
         near = f"the clouds' sizes give {ratio:.3g}, to a factor of {WITHIN:g}"
-        raise InputError("scale", f"({bounds[0]:g}, {bounds[1]:g})", f"{near}: give bounds around that")
+        raise InputError("scale", f"({bounds[0]:g}, {bounds[1]:g})", f"{near}: give bounds around that ratio")
     return low, high
 
 
@@ -140,7 +140,7 @@ class _Described(NamedTuple):
 def _describe_sizes(
     given: Given, radii: DenseFront, threads: int | None, *, by_frames: bool
 ) -> list[_Described]:
-    """Describe a scan at voxels of several sizes, while they leave a surface."""
+    """Describe a scan at voxels of several sizes, as long as it remains a surface."""
     scan = given.whole
     eye = None if given.viewpoint is None else scan.viewpoint(given.viewpoint)
     finest = choose_thinning(scan.cloud, voxels=VOXELS, threads=threads)
@@ -230,7 +230,7 @@ def _scaled(given: Given, scale: float) -> Given:
 def _weigh_scales(
     found: Found, scale: float, candidates: list[Candidate], tried: int, *, is_open: bool
 ) -> Found:
-    """Share the probability with other scales: all tried ones, and those with a pose."""
+    """Divide the probability among the scales: all tried ones, and those with a pose."""
     best = candidates[0]
     least = 2 * np.log(GRID)
     rivals = [other for other in candidates[1:] if abs(np.log(other.scale / best.scale)) > least]

@@ -44,7 +44,7 @@ MOST_LAYERED, LEAST_DISTANCE = 0.015, 0.045
 MOST_STRAYS = 0.05  # share of a cloud's points beyond which points far from the others are no strays
 _LEAST_ROUNDED = 1e-6  # of the cloud's diagonal
 _FAR, _ROOM, _ALONE = 3.0, 0.5, 4
-_ENOUGH = 20_000  # points that tell the size of a cloud
+_ENOUGH = 20_000  # points for an estimate of the size of a cloud
 _DIRECTIONS, _FEW = 1000, 8  # looked at, of which one in so many first
 _NEARBY, _LAYERS_APART = 4, 3.0  # nearest directions of each, voxels
 # Length of a large face in mean spacings; share of the area in them, or vertices, that need samples
@@ -156,7 +156,7 @@ class Scan:
         return given
 
     def is_far(self, viewpoint: Viewpoint | None) -> bool:
-        """Whether a viewpoint stands for a direction."""
+        """Whether a viewpoint represents a direction."""
         away = 0.0 if viewpoint is None else float(np.linalg.norm(np.array(viewpoint) - self.centroid))
         return away > 0.9 * FAR_AWAY * self.diagonal
 
@@ -177,15 +177,15 @@ class Scan:
         return x, y, z
 
     def distance(self, place: list[float]) -> float:
-        """Return the distance of a place from the cloud."""
+        """Return the distance of a position from the cloud."""
         with np.errstate(over="ignore"):  # to infinity, which is too far
             return float(np.linalg.norm(np.array(place) - self.centroid))
 
 
 def shows_layers(scan: Scan, viewpoint: Viewpoint, voxel: float) -> bool:
-    """Whether points lie behind each other from a viewpoint: it is wrong, or the cloud is no single scan.
+    """Return whether points occlude each other: the viewpoint is wrong, or the cloud is not a single scan.
 
-    Of a single scan, the points nearest in direction lie at nearly the same depth, but for edges.
+    In a single scan, points of similar direction have nearly the same depth, except at edges.
     """
     points = in_double(scan.cloud.points)
     rays = points[:: len(points) // _ENOUGH + 1] - np.array(viewpoint)
@@ -201,7 +201,7 @@ def shows_layers(scan: Scan, viewpoint: Viewpoint, voxel: float) -> bool:
 
 
 def _lie_apart(rays: FloatArray, depths: FloatArray, some: IndexArray, least: float) -> BoolArray:
-    """Return the mask of points whose depth differs from that of all nearest ones in direction."""
+    """Return the mask of points whose depth differs from all points in nearly the same direction."""
     near = _core.nearest_rows(rays, some, run_options(), _NEARBY)
     return np.abs(depths[near] - depths[some, None]).min(axis=1, initial=np.inf) > least
 
@@ -213,7 +213,7 @@ def as_point_cloud(name: str, cloud: Cloud | AnyCloud) -> Cloud | AnyCloud:
 
 
 def as_scan(name: str, cloud: Scan | Cloud | AnyCloud, *, distinct: bool = False) -> Scan:
-    """Check and index a cloud, unless that is done; with `distinct` each point counts once."""
+    """Check and index a cloud, unless it is indexed; with `distinct` each point counts once."""
     if isinstance(cloud, Scan):
         return replace(cloud, name=name)
     normals, faces = None, None
@@ -260,7 +260,7 @@ def _sampled(name: str, mesh: PointCloud) -> Scan:
 
 
 def _needs_samples(name: str, mesh: PointCloud) -> bool:
-    """Whether the vertices of a mesh are few, or miss much of its area."""
+    """Return whether a mesh has few vertices, or vertices that miss much of its area."""
     points = in_double(real_points(name, mesh.points))
     faces = _surface_of(name, mesh, len(points))[1]
     if faces is None or len(faces) == 0:
@@ -303,7 +303,7 @@ def without_strays(scan: Scan) -> Scan:
     if size == 0 or len(far) == 0 or scan.faces is not None:
         return scan
     alone = np.ones(len(far), dtype=bool)
-    for shift in (0.0, 0.5):  # points of a surface may lie on both sides of a wall between two cubes
+    for shift in (0.0, 0.5):  # points of a surface may be on both sides of a wall between two cubes
         cubes = np.clip(np.floor((points[far] - center) / (_ROOM * size) + shift), -(2.0**60), 2.0**60)
         _, rows, counts = np.unique(cubes, axis=0, return_inverse=True, return_counts=True)
         alone &= counts[rows.reshape(-1)] < _ALONE
@@ -343,7 +343,7 @@ def check_sizes(scans: Sequence[Scan]) -> None:
 
 
 def as_model(name: str, cloud: Cloud | AnyCloud, normals: Normals) -> Scan:
-    """Check a whole model with normals or faces that show its outside."""
+    """Check a complete model with normals or faces that define its outside."""
     cloud = as_point_cloud(name, cloud)
     if not isinstance(cloud, PointCloud) or getattr(cloud, NEEDED_FOR[normals]) is None:
         raise InputError(

@@ -120,7 +120,7 @@ class Search:
         for factor, k in (*levels, *(_FINER if self.effort == "high" else ())):
             if best is not None and is_accepted(best.probability):
                 break
-            with suppress(InputError):  # where the points lie too far apart for finer voxels
+            with suppress(InputError):  # if the points are too sparse for finer voxels
                 other = source.resized(factor, self.clock.start), target.resized(factor, self.clock.start)
                 best = _better(best, self._search_voxels(*other, k))
         return best
@@ -128,7 +128,7 @@ class Search:
     def _search_matches(
         self, source: PreparedScan, target: PreparedScan, matches: Correspondences
     ) -> Found | None:
-        """Search among the poses of a group of matches from elsewhere."""
+        """Search among the poses of a group of given matches."""
         poses = self._propose(matches)
         if self.matches is not None:
             poses = np.concatenate([poses, frame_poses(matches)])
@@ -137,7 +137,7 @@ class Search:
         return self._rank(source, target, matches, mutual, verified)
 
     def _search_nearby(self, source: PreparedScan, target: PreparedScan, nearby: Nearby) -> Found | None:
-        """Search among the poses near a rough one, on the surfaces alone."""
+        """Search among the poses near a rough pose, on the surfaces only."""
         self.clock.start("verification")
         poses = nearby.propose(source, target, self.threads)
         verified = self._verify(source, target, None, poses)
@@ -146,12 +146,12 @@ class Search:
         return self._weigh(source, target, match_nothing(source), finalists) if finalists else None
 
     def _match_voxels(self, source: PreparedScan, target: PreparedScan) -> Correspondences:
-        """Return mutual matches of voxels by FPFH, as evidence for poses from elsewhere."""
+        """Return mutual matches of voxels by FPFH, as evidence for given poses."""
         self.clock.start("matching")
         return take_matches(*match_both_ways(source.described, target.described, 1, self.threads))
 
     def _search_voxels(self, source: PreparedScan, target: PreparedScan, k: int) -> Found | None:
-        """Search among the poses of matches of voxels, and those proposed from elsewhere."""
+        """Search among the poses from matches of voxels, and other proposed poses."""
         self.clock.start("matching")
         one, other = source.described, target.described
         if self.descriptors is not None:
@@ -181,7 +181,7 @@ class Search:
     def _verify(
         self, source: PreparedScan, target: PreparedScan, mutual: Correspondences | None, poses: FloatArray
     ) -> Verification | None:
-        """Verify the allowed poses; None if there are none, before or after."""
+        """Verify the allowed poses; None if none is allowed or none survives."""
         self.clock.start("verification")
         surfaces = source.surface, target.surface
         allowed = self._keep_allowed(poses, source)
@@ -196,7 +196,7 @@ class Search:
         return verify(*surfaces, allowed, matches=mutual, threads=self.threads)
 
     def _keep_allowed(self, poses: FloatArray, source: PreparedScan) -> FloatArray:
-        """Drop the poses that tilt the axis, lie too far from a rough one, or are not allowed."""
+        """Drop the poses that tilt the axis, are too far from a rough pose, or are not allowed."""
         kept = keep_upright(poses, self.axis)
         if self.allows is not None:
             kept = kept[self.allows(kept)]
@@ -249,7 +249,7 @@ class Search:
         matches: Correspondences,
         finalists: list[Finalist],
     ) -> Found:
-        """Weigh the best of the finalists against its rivals."""
+        """Compare the best of the finalists with its rivals."""
         ranked = sorted(finalists, key=lambda finalist: -finalist.value)
         poses = np.array([finalist.found.T_target_source for finalist in ranked])
         rows = choose_apart(poses, source.scan.centroid, source.voxel)[: 1 + RIVALS]
@@ -294,7 +294,7 @@ class Search:
 
 
 def _order(scan: PreparedScan) -> tuple[float, ...]:
-    """Return the order of a scan in any frame: its size, then the distance of a voxel from the mean."""
+    """Return a sort key of a scan in any frame: its size, then the distance of a voxel from the mean."""
     return len(scan), float(np.linalg.norm(scan.voxels.points[0] - scan.scan.centroid))
 
 

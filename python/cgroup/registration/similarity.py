@@ -1,4 +1,4 @@
-"""Fit a similarity to two scans, and compare the scale that fits best with 1."""
+"""Fit a similarity to two scans, and compare the best scale with 1."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Similarity(NamedTuple):
 
 
 def compare_scales(found: Found | None) -> Found | None:
-    """Lower the probability of a pose if another scale fits clearly better, and store that scale.
+    """Reduce the probability of a pose if another scale fits clearly better, and store that scale.
 
     Half of the probability of an accepted pose is left if the scale is `CLEARLY` deviations from 1, those of
     the fit and of `DRIFT`: fragments of one room fit best at scales slightly off 1.

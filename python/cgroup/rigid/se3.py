@@ -44,7 +44,7 @@ def rotation_vectors(rotations: FloatArray) -> FloatArray:
     sine, cosine = np.linalg.norm(sines, axis=1), (np.trace(rotations, axis1=1, axis2=2) - 1) / 2
     vectors = sines * (np.arctan2(sine, cosine) / np.maximum(sine, 1e-300))[:, None]
     vectors[sine < _FADED] = sines[sine < _FADED]
-    for row in np.flatnonzero((sine < _FADED) & (cosine < 0)):  # half a turn, which sines don't tell
+    for row in np.flatnonzero((sine < _FADED) & (cosine < 0)):  # half a turn, which sines do not show
         vectors[row] = np.pi * axis_of(rotations[row])
     return vectors
 

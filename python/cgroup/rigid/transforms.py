@@ -23,7 +23,7 @@ def apply(transform: FloatArray, points: RealArray) -> FloatArray:
     transform : (4,4) array of float64
         Used unchecked: it need not be rigid.
     points : (N,3) array of float32 or float64
-        Points in any unit; left as they are.
+        Points in any unit; not changed.
 
     Returns
     -------
@@ -91,14 +91,14 @@ def check_rigid(transform: ArrayLike, name: str = "transform") -> FloatArray:
 
 
 def scaling(factor: float, middle: ArrayLike = (0.0, 0.0, 0.0)) -> FloatArray:
-    """Return the transform (4,4) that scales about a place."""
+    """Return the transform (4,4) that scales about a point."""
     transform = np.diag([factor, factor, factor, 1.0])
     transform[:3, 3] = (1.0 - factor) * np.asarray(middle)
     return transform
 
 
 def split_scale(transform: FloatArray) -> tuple[float, FloatArray]:
-    """Split a similarity into its scale, which comes first, and a rigid transform."""
+    """Split a similarity into its scale, which is applied first, and a rigid transform."""
     scale = float(np.cbrt(np.linalg.det(transform[:3, :3])))
     return scale, transform @ scaling(1.0 / scale)
 

@@ -55,9 +55,9 @@ def weigh_by_triangles(
     middles: FloatArray,
     voxel: float,
 ) -> FloatArray:
-    """Return the probability that each pose is right, given the triangles of poses that close.
+    """Return the probability that each pose is correct, given the consistent triangles of poses.
 
-    A triangle closes if all three poses are right; else by chance, in one of 50 cases. If two of its scans
+    A triangle of correct poses closes. Another closes by chance, in one of 50 cases. If two of its scans
     overlap, their poses on the third can be wrong for the same reason: the chance is then their overlap. The
     probabilities of the other two poses are those of the previous round (loopy belief propagation).
 

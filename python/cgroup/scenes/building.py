@@ -81,7 +81,7 @@ class SceneBuilder:
         self._decision = self._decide()
 
     def _register_alike(self) -> None:
-        """Register each scan with the most similar ones, then unlinked ones within the budget."""
+        """Register each scan with the most similar ones, then unlinked scans within the budget."""
         vectors = describe_scans(self.scans)
         similarity = vectors @ vectors.T
         wanted = choose_partners(similarity, self._tried, None, settings.FIRST_PARTNERS)
@@ -100,7 +100,7 @@ class SceneBuilder:
                 self._links[pair], self._chances[pair] = found, found.probability
 
     def _follow_odometry(self, odometry: FloatArray) -> None:
-        """Register neighbours from their odometry; link them by it if their surfaces do not decide."""
+        """Register neighbours from their odometry; link them by it if the surfaces are inconclusive."""
         pairs = [(row, row - 1) for row in range(1, len(self.scans))]
         moved = np.array([invert(odometry[target]) @ odometry[source] for source, target in pairs])
         self._register(pairs, moved)
@@ -159,7 +159,7 @@ class SceneBuilder:
         return weigh_join(union, [weighed[at : at + step] for at in range(0, len(weighed), step)])
 
     def _add(self, join: Join, union: Link, chance: float) -> None:
-        """Link two scans by the pose of their unions, whose links are firm from now on."""
+        """Link two scans by the pose of their unions, and fix the links of the unions."""
         pair = (join.source, join.target)
         if (join.target, join.source) in self._links:
             pair, union = (join.target, join.source), union.inverse
@@ -241,7 +241,7 @@ class SceneBuilder:
         }
 
     def _edges(self, kept: Mapping[tuple[int, int], float]) -> list[Edge]:
-        """Return the accepted links, and those that the others confirm."""
+        """Return the accepted links, and the links that others confirm."""
         edges: list[Edge] = []
         residuals = self._residuals()
         for pair, found in sorted(self._links.items()):

@@ -44,10 +44,10 @@ def decide(
     middles: FloatArray,
     voxel: float,
 ) -> Decision:
-    """Select links among those that are likely by themselves.
+    """Select links among those that are probable alone.
 
     Triangles reweight the links, the most probable ones give initial poses, graduated non-convexity rejects
-    inconsistent links, and a single doubtful link connects nothing.
+    inconsistent links, and a single doubtful link does not connect components.
     """
     count = len(middles)
     rows = [pair for pair in sorted(links) if chances[pair] >= ACCEPTED]
@@ -81,7 +81,7 @@ def graph_of(
     voxel: float,
     share: float = 1.0,
 ) -> PoseGraph:
-    """Return a pose graph of links; a share of the least deviations is added to their covariances."""
+    """Return a pose graph of links; a part of the least deviations is added to their covariances."""
     information = np.empty((len(pairs), 6, 6))
     turn, shift = share * settings.LEAST_TURN, share * settings.LEAST_SHIFT * voxel
     for row, (source, _) in enumerate(pairs.tolist()):
@@ -132,7 +132,7 @@ def drop_contradicted(
 
 
 def drop_weak_bridges(pairs: IndexArray, prior: FloatArray, firm: BoolArray, count: int) -> BoolArray:
-    """Return the mask of links without those that connect components by doubtful poses alone.
+    """Return the mask of links that do not connect components by doubtful poses only.
 
     Poses that are wrong for the same reason, such as those of a shape on its mirror image, agree with each
     other. So the links between two parts must together be as sure as one that is sure by itself, counting
@@ -161,7 +161,7 @@ def drop_weak_bridges(pairs: IndexArray, prior: FloatArray, firm: BoolArray, cou
 
 
 def _sum_independent(sides: IndexArray, pairs: IndexArray, nats: FloatArray) -> dict[tuple[int, int], float]:
-    """Sum the nats of links without a common scan between each two parts, the surest first."""
+    """Sum the nats of links without a common scan between each two parts, the most probable first."""
     sums: dict[tuple[int, int], float] = {}
     used: set[tuple[int, int, int]] = set()
     for row in np.argsort(-nats, kind="stable").tolist():
@@ -174,7 +174,7 @@ def _sum_independent(sides: IndexArray, pairs: IndexArray, nats: FloatArray) -> 
 
 
 def log_odds(chances: FloatArray) -> FloatArray:
-    """Return the log-odds of probabilities, which are bounded away from 0 and 1."""
+    """Return the log-odds of probabilities, clipped away from 0 and 1."""
     bounded = np.clip(chances, 1 - settings.LARGEST_CHANCE, settings.LARGEST_CHANCE)
     return np.log(bounded / (1 - bounded))
 
@@ -182,7 +182,7 @@ def log_odds(chances: FloatArray) -> FloatArray:
 def weigh_residuals(
     links: Mapping[tuple[int, int], Link], decision: Decision, middles: FloatArray, voxel: float
 ) -> dict[tuple[int, int], float]:
-    """Weigh how far the links within components are from the poses of the scene, squared."""
+    """Return the squared weighted distances of the links within components from the scene's poses."""
     rows = [pair for pair in sorted(links) if decision.labels[pair[0]] == decision.labels[pair[1]]]
     if not rows:
         return {}

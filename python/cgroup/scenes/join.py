@@ -69,7 +69,7 @@ def propose_joins(
     sizes = np.bincount(decision.labels)
     for (source, target), found in sorted(links.items()):
         one, other = int(decision.labels[source]), int(decision.labels[target])
-        if one == other or sizes[one] + sizes[other] == 2:  # two single scans show what their pair does
+        if one == other or sizes[one] + sizes[other] == 2:  # two scans: no new evidence
             continue
         for pose, chance in zip(found.poses, found.chances.tolist(), strict=True):
             if chance < settings.LEAST_CHANCE:
@@ -88,7 +88,7 @@ def _join_of(
     middles: FloatArray,
     voxel: float,
 ) -> tuple[float, Join]:
-    """Propose a join of two components from hypotheses: chances, pairs and poses."""
+    """Propose a join of two components from hypotheses: probabilities, pairs and poses."""
     some = sorted(hypotheses, key=lambda hypothesis: -hypothesis[0])
     poses = np.array([pose for _, _, pose in some])
     chances = np.array([chance for chance, _, _ in some])
@@ -105,7 +105,7 @@ def _join_of(
 
 
 def _support(poses: FloatArray, chances: FloatArray, center: FloatArray, voxel: float) -> FloatArray:
-    """Sum the chances of the poses around each; poses that agree count more than alone."""
+    """Return the sum of probabilities of the poses near each pose; agreeing poses count more."""
     landed = poses[:, :3, :3] @ center + poses[:, :3, 3]
     near = np.linalg.norm(landed[:, None] - landed, axis=2) < settings.NEAR * voxel
     turns = np.einsum("nij,mij->nm", poses[:, :3, :3], poses[:, :3, :3])
@@ -147,10 +147,10 @@ def cross_tasks(
 
 
 def weigh_join(union: Link, across: Sequence[Sequence[Link | None]]) -> float:
-    """Return the probability that the best pose of two unions is right.
+    """Return the probability that the best pose of two unions is correct.
 
     It is bounded by the total probability of all poses of the unions. A pose that fits no pair is no rival.
-    Pairs share the surfaces of their unions, so that their evidence does not add up. Pairs that overlap but
+    Evidence of pairs is not independent: their unions are the same surfaces. Pairs that overlap but
     do not fit under the best pose lower the probability. `across` has the evidence of each pair under each
     pose of the union.
     """

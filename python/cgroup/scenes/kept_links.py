@@ -1,4 +1,4 @@
-"""Finished pairs of scans in one SQLite file, from which an interrupted run continues.
+"""Finished pairs of scans in one SQLite file, for the continuation of an interrupted run.
 
 The key of a row is a digest of both scans, the function with its arguments, and the version of the package. A
 second digest, of the key and the result, detects damage.
@@ -47,7 +47,7 @@ class KeptLinks:
         self._connection.close()
 
     def find(self, function: Callable[..., Any], tasks: Sequence[Task]) -> dict[int, Link | None]:
-        """Return the kept results of a function, by the number of the task."""
+        """Return the stored results of a function, by the number of the task."""
         found: dict[int, Link | None] = {}
         with self._report_failures(), self._lock:
             for number, task in enumerate(tasks):
@@ -70,7 +70,7 @@ class KeptLinks:
             raise _unusable(self._path, f"damaged ({error})") from error
 
     def add(self, function: Callable[..., Any], task: Task, link: Link | None) -> None:
-        """Keep a result."""
+        """Store a result."""
         key = self._key(function, *task)
         fields = link and {name: np.asarray(value).tolist() for name, value in asdict(link).items()}
         text = json.dumps(fields)

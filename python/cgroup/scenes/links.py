@@ -33,7 +33,7 @@ class Link:
 
     @property
     def probability(self) -> float:
-        """Probability that the best pose is right."""
+        """Probability that the best pose is correct."""
         return float(self.chances[0])
 
     @property
@@ -43,7 +43,7 @@ class Link:
 
     @property
     def is_accepted(self) -> bool:
-        """Whether the best pose is accepted by the two scans alone."""
+        """Whether the best pose is accepted from the two scans only."""
         return is_accepted(self.probability)
 
     @property
@@ -62,7 +62,7 @@ def link(
     effort: Effort,
     proposed: FloatArray | None = None,
 ) -> Link | None:
-    """Register two scans; None without even a guess."""
+    """Register two scans; None if there is no candidate pose."""
     source, target = _oriented_alike(source, target)
     search = Search("lc", {}, axis, effort, 1, StageClock(ignore_progress), proposed=proposed)
     found = search.run(source, target)
@@ -72,13 +72,13 @@ def link(
     chances = found.probability * np.concatenate([[1.0], np.minimum(shares, 1.0)])
     covariance = covariance_of(found.refined, found.source, found.target)
     total = chances.sum()
-    chances *= bound_by_motions(total, found.motions) / total  # whichever of the poses is the best
+    chances *= bound_by_motions(total, found.motions) / total  # for any best pose
     places = np.concatenate([found.refined.T_target_source[None], found.places[1:]])
     return Link(places, chances, covariance, found.fitness, found.target_fitness)
 
 
 def confirm(source: PreparedScan, target: PreparedScan, pose: FloatArray) -> Link | None:
-    """Refine a predicted pose, and weigh it by itself; None without overlap."""
+    """Refine a predicted pose, and estimate its probability alone; None without overlap."""
     found = confirm_pose(*_oriented_alike(source, target), pose, 1)
     if found is None:
         return None
@@ -86,7 +86,7 @@ def confirm(source: PreparedScan, target: PreparedScan, pose: FloatArray) -> Lin
 
 
 def weigh_pose(source: PreparedScan, target: PreparedScan, pose: FloatArray) -> Link | None:
-    """Do the same without the covariance, the slowest part."""
+    """Refine and judge a predicted pose without its covariance, the slowest part."""
     found = confirm_pose(*_oriented_alike(source, target), pose, 1)
     return None if found is None else _link_of(found, np.full((6, 6), np.nan))
 

@@ -53,7 +53,7 @@ def _fit_mixture(values: FloatArray, rng: np.random.Generator) -> tuple[FloatArr
 def _moments(
     values: FloatArray, weights: FloatArray, means: FloatArray, variances: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Assign each value to K Gaussians; return sums of the shares, (K,1), values, and squares."""
+    """Assign each value to K Gaussians; return sums of the weights, (K,1), values, and squares."""
     precision = 1.0 / variances
     squares = (
         values**2 @ precision.T - 2.0 * values @ (means * precision).T + (means**2 * precision).sum(axis=1)

@@ -131,7 +131,7 @@ def register_all(
 def add_scan(scene: Scene, scan: PreparedScan | Cloud | AnyCloud, viewpoint: ArrayLike | None) -> Scene:
     """Return the scene with a further scan."""
     if scene.made is None:
-        raise InputError("scene", "one that was put together by hand", "make it by `register_all`")
+        raise InputError("scene", "one that was created by hand", "make it by `register_all`")
     building, rows, notes = scene.made
     given, row = [*scene.scans, scan], len(scene.scans)
     name = f"scans[{row}]"
@@ -210,7 +210,7 @@ def _find_repeats(names: list[str], scans: dict[int, PreparedScan]) -> list[str]
 def _finish(
     building: SceneBuilder, rows: list[int], given: Sequence[Any], names: list[str], notes: tuple[str, ...]
 ) -> Scene:
-    """Return the scene by the rows of all input scans, of which some were left out."""
+    """Return the scene by the rows of all input scans, including omitted ones."""
     scene = building.finish()
 
     def spread(values: FloatArray) -> FloatArray:

@@ -80,7 +80,7 @@ class Edge:
     covariance : (6,6) array of float64
         Of (rotation vector, translation) in the target's frame, as for `Registration.covariance`.
     fitness, target_fitness : float
-        Shares of the surfaces that overlap each other.
+        Fractions of the surfaces that overlap each other.
     kept : bool
         Whether the scene uses it.
     residual : float
@@ -304,7 +304,7 @@ class Scene:
 
 
 def cloud_of(scene: Scene, row: int) -> PointCloud:
-    """Return the cloud of a scan; paths are read again, prepared scans have their own."""
+    """Return the cloud of a scan; paths are read again, prepared scans contain it."""
     name, scan = scene.names[row], scene.scans[row]
     if isinstance(scan, PreparedScan):
         return PointCloud(in_double(scan.scan.cloud.points), scan.scan.normals)

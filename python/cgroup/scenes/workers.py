@@ -25,7 +25,7 @@ CallEach: TypeAlias = "Callable[[Callable[..., Any], Sequence[Task]], list[Any]]
 
 
 class _Job(NamedTuple):
-    """A function and tasks by number; `begin` gets each number, `take` each result."""
+    """A function and tasks by number; `begin` is called with each number, `take` with each result."""
 
     function: Callable[..., Any]
     tasks: dict[int, Task]
@@ -44,7 +44,7 @@ def open_workers(
     keep: str | os.PathLike[str] | None = None,
     begin: Callable[[str], Any] = ignore_progress,
 ) -> Generator[CallEach, None, None]:
-    """Work on threads of this process, or on a Dask cluster; results are the same bits.
+    """Work on threads of this process, or on a Dask cluster; results are identical to the bit.
 
     `scheduler` is an address, a `distributed.Client`, or "local" for a scheduler of Dask in this process.
     `keep` is a file of finished links, which are not computed again. `begin` gets the name of each pair.
@@ -138,7 +138,7 @@ class _SentScan:
     def __reduce__(self) -> tuple[type[_SentScan], tuple[bytes, str]]:
         return _SentScan, (pickle.dumps(self.scan), __version__)
 
-    def __sizeof__(self) -> int:  # by which Dask decides where to work and what to store
+    def __sizeof__(self) -> int:  # Dask uses it to schedule and store
         return self._bytes
 
 

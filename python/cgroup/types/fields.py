@@ -1,4 +1,4 @@
-"""Correspondences, and checks of their fields: the data that a method takes besides its options."""
+"""Correspondences, the data of a method besides its options, and checks of their fields."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from cgroup.types.point_cloud import AnyCloud
 
 
 class Fields(NamedTuple):
-    """Fields of the right shapes, in the precision that the caller has; None for those not given."""
+    """Fields of valid shapes, in the caller's precision; None for missing ones."""
 
     source: RealArray | None = None
     target: RealArray | None = None
@@ -45,7 +45,7 @@ OPTIONAL_FIELDS = FIELDS[2:]
 
 
 def check_fields(**given: Any) -> Fields:  # noqa: ANN401 - by name, None for those not given
-    """Check shapes and types; nothing is copied without need. A method of scores alone takes no points."""
+    """Check shapes and types, with as few copies as possible. Methods of scores alone need no points."""
     source = real_points("source", given.pop("source")) if "source" in given else None
     rows = None if source is None else len(source)
     _check_frames_on_both_sides(given.get("source_lrf"), given.get("target_lrf"))
@@ -96,7 +96,7 @@ _CHECKS: dict[str, Callable[..., Any]] = {
 class Correspondences:
     """Putative matches between two shapes; row i of every field is the same match.
 
-    The arrays are read-only copies, which nothing changes later: float32 where they were given so, else
+    The arrays are read-only copies: float32 if they were given so, else
     float64.
 
     Parameters
@@ -182,9 +182,9 @@ class Correspondences:
         Parameters
         ----------
         source, target : PointCloud or (N,3) array_like of float, optional
-            The whole clouds; the matched points where they are not given.
+            The whole clouds; by default the matched points.
         T_target_source : (4,4) array_like of float, optional
-            Rotates the source as in this pose, so that lines of right matches are parallel.
+            Pose that rotates the source, so that lines of correct matches are parallel.
         correct : (n,) array_like of bool, optional
             Which matches are correct; lines are coloured by it.
         interactive : bool
@@ -193,7 +193,7 @@ class Correspondences:
         Returns
         -------
         matplotlib.figure.Figure or plotly.graph_objects.Figure
-            Not shown; notebooks show what a cell returns.
+            Not shown; notebooks show the return value of a cell.
         """
         given = {"source": source, "target": target, "pose": T_target_source, "correct": correct}
         everything = np.ones(len(self), dtype=bool)
@@ -207,7 +207,7 @@ def _rows_of(matches: Correspondences) -> list[tuple[str, str]]:
 
 
 def own_correspondences(fields: Fields) -> Correspondences:
-    """Return correspondences of arrays that are checked and that nobody else changes: they aren't copied."""
+    """Return correspondences of checked arrays without copies; the caller must not change the arrays."""
     made = object.__new__(Correspondences)
     _take_fields(made, fields)
     return made

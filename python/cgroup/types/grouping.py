@@ -31,7 +31,7 @@ _WITHOUT_POINTS = (
 
 @dataclass(frozen=True)
 class Agreement:
-    """When two correspondences keep their distance.
+    """Criterion for two correspondences that preserve their distance.
 
     They are `ds` apart in the source and `dt` in the target.
 
@@ -47,7 +47,7 @@ class Agreement:
     least_sum, least_each : float or None
         Length that ``ds + dt``, or each of the two, has to exceed, in the data's unit.
     scale : float
-        Factor by which `ds` is multiplied first, where the method estimates a scale (TEASER++).
+        Factor by which `ds` is multiplied first, if the method estimates a scale (TEASER++).
     """
 
     bound: float
@@ -60,7 +60,7 @@ class Agreement:
 
 @dataclass(frozen=True, eq=False)
 class Rule:
-    """How a method decided which correspondences belong to the group.
+    """Criterion by which a method selected the correspondences of the group.
 
     ======================= =========================================================== ====================
     kind                    a correspondence is selected if                             bound
@@ -84,13 +84,13 @@ class Rule:
     method : str
         Public name; "register" for the verified group of a registration.
     kind : str
-        What decides, as in the table.
+        Kind of the rule, as in the table.
     bound : float or None
         The bound that was used; lengths are in the data's unit.
     accepts_equality : bool
         Whether the bound, or the threshold, is itself accepted.
     agreement : Agreement or None
-        When two correspondences keep their distance, for methods that ask.
+        Criterion for two correspondences that preserve their distance, for methods that use it.
     decided_by : (n,) array of int64 or None
         Row of the correspondence that decided on each, -1 for none: the nearest seed for "star", for a
         conflict the first accepted one that it conflicts with.
@@ -100,7 +100,7 @@ class Rule:
         Where each votes, NaN without a local frame: in bins from the fullest one for "fullest bin", for
         "maximum" the place in the data's unit, from the mean of the target points.
     resolution : float or None
-        The unit pr in the data's unit, where it is known.
+        The unit pr in the data's unit, if known.
     """
 
     method: str
@@ -116,18 +116,18 @@ class Rule:
 
 @dataclass(frozen=True, eq=False)
 class Grouping:
-    """The correspondences that a method selects as right.
+    """The correspondences that a method selects as correct.
 
     Attributes
     ----------
     mask : (n,) array of bool
-        True where a correspondence is selected; aligned with the input.
+        True for selected correspondences; aligned with the input.
     scores : (n,) array of float64 or None
         The method's score of each correspondence, higher is better.
     threshold : float or None
         The cut on the scores that was really used.
     model : (4,4) array of float64 or None
-        The transform behind the selection, for methods that fit one (RANSAC, LC, MAC, SC2-PCR, TurboReg,
+        The transform of the selection, for methods that fit one (RANSAC, LC, MAC, SC2-PCR, TurboReg,
         TEASER++, CLIPPER); maps source into target.
     diagnostics : dict of str to float
         Facts about the run: iterations, seed of the cluster, eigenvalue, ...
@@ -137,18 +137,18 @@ class Grouping:
         The method's score of each, descending.
     ok : bool or None
         Whether the group is significant: `false_alarms` below 0.01, for methods that estimate them (LC).
-        Where it is False, chance could explain the group, which may still be right.
+        If False, chance could explain the group, which may still be correct.
     false_alarms : float or None
-        Expected number of groups as good as this one if no correspondence is right; for methods that
+        Expected number of groups as good as this one if no correspondence is correct; for methods that
         estimate it (LC).
     noise : float or None
-        Standard deviation of right correspondences, a length, for methods that estimate it (LC without a
+        Standard deviation of correct correspondences, a length, for methods that estimate it (LC without a
         tolerance).
     instances : (m,n) array of bool or None
         Groups of different rigid motions, each of which is `ok`, the best first: row 0 is `mask`. None unless
         several were asked for; no row unless the group is `ok`.
     rule : Rule or None
-        How the method decided, with the bounds that it used; None for a method of one's own.
+        Criterion of the method with its bounds; None for a user's own method.
     """
 
     mask: BoolArray
@@ -179,7 +179,7 @@ class Grouping:
     def complete(self) -> bool:
         """Whether the method finished its search.
 
-        False where a bound on cliques, steps, time or memory cut the search short:
+        False if a bound on cliques, steps, time or memory ended the search early:
         ``diagnostics["truncated"]`` is 1 then. Other entries of `diagnostics` give its progress, such
         as ``vertices`` or ``cliques`` (MAC).
         """
@@ -198,7 +198,7 @@ class Grouping:
         NoConsensusError
             For fewer than three selected correspondences, or a group on one line.
         InputError
-            Where the method was given no points (`ss`, `nnsr`): use `cgroup.group`.
+            If the method was given no points (`ss`, `nnsr`): use `cgroup.group`.
 
         Examples
         --------
@@ -259,7 +259,7 @@ class Grouping:
         Returns
         -------
         matplotlib.figure.Figure or plotly.graph_objects.Figure
-            Not shown; notebooks show what a cell returns.
+            Not shown; notebooks show the return value of a cell.
         """
         if self._positions is None:
             raise InputError(_WITHOUT_POINTS.format("plot"))
@@ -284,7 +284,7 @@ class Grouping:
 
     def _rows(self) -> list[tuple[str, str]]:
         scores = self.scores if self.scores is not None and len(self.scores) > 0 else None
-        trust = "" if self.ok is None else ("can be trusted" if self.ok else "chance could have made it")
+        trust = "" if self.ok is None else ("reliable" if self.ok else "possible by chance")
         return [
             ("method", "" if self.rule is None else self.rule.method),
             ("scores", "" if scores is None else f"{scores.min():.3g} to {scores.max():.3g}"),

@@ -145,7 +145,7 @@ AnyCloud: TypeAlias = "PointCloud | ArrayLike | os.PathLike[str] | _Foreign"
 
 
 def find_cloud(name: str, cloud: object) -> PointCloud | None:
-    """Return a `PointCloud`, or one made of a cloud of another library; None for arrays."""
+    """Return a `PointCloud`, also from a cloud of another library; None for arrays."""
     if isinstance(cloud, PointCloud):
         return cloud
     parts = cloud_parts(name, cloud)

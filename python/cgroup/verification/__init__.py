@@ -1,6 +1,6 @@
 """Verify poses from any source on the two surfaces, and refine them.
 
-Under a right pose the surfaces coincide where they overlap, and neither lies in the free space of the other's
+Under a correct pose the surfaces coincide where they overlap, and neither is in the free space of the other's
 scanner; a wrong pose that many matches support violates this. Lengths are in the unit of the points; `unit`
 scales every tolerance.
 """

@@ -76,13 +76,13 @@ class Alignment:
         Standard deviation of the points around each of these samples from its own plane (three degrees of
         freedom are the plane's): noise and curvature.
     paired : float
-        Share of the samples of both surfaces that are paired.
+        Fraction of the samples of both surfaces that are paired.
     information : (6,6) array of float64
         ``sum w J^T J`` of a point-to-plane step, for a rotation vector about the target's origin (first)
         and a translation. Divide by the variance of the residuals for the information of a pose graph.
     open_motion : (6,) array of float64 or None
         The motion that the surfaces hardly resist, in the same coordinates, scaled to move them by about one
-        spacing; None where they fix all six.
+        spacing; None if they determine all six.
     """
 
     T_target_source: FloatArray
@@ -94,7 +94,7 @@ class Alignment:
 
     @property
     def rmse(self) -> float:
-        """Root mean square of the residuals; NaN where nothing is paired."""
+        """Root mean square of the residuals; NaN without pairs."""
         return float(np.sqrt(np.mean(self.residuals**2))) if len(self.residuals) else float("nan")
 
     def __repr__(self) -> str:

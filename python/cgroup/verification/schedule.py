@@ -21,7 +21,7 @@ MATCH_UNITS = 2.5  # distance within which a match supports a pose, in units: a 
 
 @dataclass(frozen=True, eq=False)
 class Verification:
-    """The poses that survived, and the evidence of the surfaces for the best.
+    """The surviving poses, and the evidence of the surfaces for the best one.
 
     Attributes
     ----------
@@ -31,12 +31,12 @@ class Verification:
         Its agreement minus violations, at most 2; at most 0 for surfaces with nothing in common.
     margin : float
         Lead in ``ln score + 0.1 ln(1 + min(evidence, 20))`` over the best pose that differs by more than 10
-        degrees or 20 units; infinite where there is none.
+        degrees or 20 units; infinite without a rival.
     fitness : float
-        Share of the source's points that lie on the target's surface: within 2 units of its plane, normals
+        Fraction of the source's points on the target's surface: within 2 units of its plane, normals
         alike.
     inlier_rmse : float
-        Root mean square of their distances to it, in the unit of the points; NaN where there are none.
+        Root mean square of their distances to it, in the unit of the points; NaN without such points.
     information : (6,6) array of float64
         ``sum w J^T J`` of a point-to-plane step at the best pose, for a rotation vector about the target's
         origin (first) and a translation. Divide by the variance of the distances for the information of a

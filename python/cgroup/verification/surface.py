@@ -74,7 +74,7 @@ class Surface:
 
     @property
     def unit(self) -> float:
-        """The length that all tolerances are multiples of, in the unit of the points."""
+        """The unit of all tolerances, in the unit of the points."""
         return self._unit
 
     def __len__(self) -> int:

@@ -1,4 +1,4 @@
-"""Tests of numbers, of which claims consist; each words its own criterion. Checks join by ``&``."""
+"""Tests of numbers that make up the claims, each with its criterion in words; combined by ``&``."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -24,7 +24,7 @@ _NTH = {1: "best other", 2: "second of the others", 3: "third of the others"}
 
 
 class Comparison(NamedTuple):
-    """Whether numbers are as a claim states, in words, and the margin; NaN if a number is missing."""
+    """Result of a comparison with a claim, in words, and the margin; NaN if a number is missing."""
 
     holds: bool
     text: str
@@ -33,7 +33,7 @@ class Comparison(NamedTuple):
 
 @dataclass(frozen=True)
 class Check:
-    """Tests of the table, their criterion in words, and whether all of them must hold or most."""
+    """Tests of the table, their criterion in words, and whether all or most must hold."""
 
     criterion: str
     find: Callable[[Witness], Sequence[Comparison]]
@@ -53,7 +53,7 @@ def most(check: Check) -> Check:
 
 
 def share(operator: Operator, bound: float, check: Check) -> Check:
-    """Compare the share of tests that hold with a bound: one test."""
+    """Compare the fraction of tests that hold with a bound; this is one test."""
 
     def find(witness: Witness) -> list[Comparison]:
         holding = [test.holds for test in check.find(witness)]
@@ -76,7 +76,7 @@ def bound(numbers: Numbers, operator: Operator, value: float, methods: Sequence[
 
 
 def between(low: float, high: float, numbers: Numbers, methods: Sequence[str] = ()) -> Check:
-    """Require that each number of some methods, or of all, lies between bounds."""
+    """Require that each number of some methods, or of all, is between bounds."""
     return _of_each_number(
         f"between {low:g} and {high:g}",
         numbers,
@@ -90,7 +90,7 @@ def between(low: float, high: float, numbers: Numbers, methods: Sequence[str] = 
 
 
 def in_top(tops: Mapping[str, int], numbers: Numbers) -> Check:
-    """Require that each method is among the best k, given by method; ties count as among them."""
+    """Require that each method is among its best k; ties count."""
     words = [
         f"{join_names(method for method in tops if tops[method] == k)} "
         f"{'among ' if k > 1 else ''}the {_HOW_MANY[k]}{numbers.superlative}"

@@ -1,4 +1,4 @@
-"""The claims of the paper, and the verdict on each by the records."""
+"""The claims of the paper, and the verdict of the records on each."""
 
 import math
 from dataclasses import dataclass
@@ -52,7 +52,7 @@ CLEAR, LARGE = 0.05, 0.1
 
 @dataclass(frozen=True)
 class Claim:
-    """A statement of the paper in our own words, its section, and the check that tests it on the records."""
+    """A statement of the paper in our words, its section, and its check on the records."""
 
     id: str
     section: str
@@ -69,7 +69,7 @@ class Claim:
 NOISE, DENSITY = Source("noise", "B3R"), Source("density", "B3R")
 CLUTTER, OCCLUSION = Source("clutter", "U3OR"), Source("occlusion", "U3OR")
 OVERLAP, EPSILON = Source("overlap", "U3M"), Source("epsilon", "U3OR")
-MATCHES = Source("matches", "U3OR", otherwise="U3M")  # the paper doesn't say which data it used
+MATCHES = Source("matches", "U3OR", otherwise="U3M")  # the paper does not state its data
 TIMES = Source("timing", "")
 ON_B3R, ON_U3OR, ON_U3M = (Source("combinations", place) for place in ("B3R", "U3OR", "U3M"))
 PLACES = (NOISE, CLUTTER, OVERLAP)  # the experiment of each data set that summaries are checked on
@@ -309,7 +309,7 @@ def check_claims(frame: pd.DataFrame, timing: pd.DataFrame) -> list[Verdict]:
 
 
 def check_evidence(evidence: Evidence) -> list[Verdict]:
-    """Check all claims of the paper on evidence that is at hand."""
+    """Check all claims of the paper on given evidence."""
     table, why = make_table(evidence), read_explanations()
     return [decide(claim, table, why.get(claim.id, "")) for claim in CLAIMS]
 

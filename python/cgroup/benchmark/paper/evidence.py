@@ -1,4 +1,4 @@
-"""The records of each experiment of the paper, on the data set that stands for the paper's."""
+"""The records of each experiment of the paper, on the data set that replaces the paper's."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -34,7 +34,7 @@ _VARIED = {
 class Sample:
     """Records of one experiment on one data set, without failed ones; the column ``x`` has the level.
 
-    `place` is the data set of the paper that `dataset` stands for.
+    `place` is the data set of the paper that `dataset` replaces.
     """
 
     experiment: Experiment
@@ -88,7 +88,7 @@ class Evidence:
     _samples: dict[tuple[str, str, bool], Sample | None] = field(default_factory=dict, repr=False)
 
     def sample(self, experiment: str, place: str, *, every_method: bool = False) -> Sample | None:
-        """Find the records of one of `EXPERIMENTS` that stand for one of `PLACES`; None if there are none.
+        """Find the records of one of `EXPERIMENTS` for one of `PLACES`; None without records.
 
         They are those of the paper's methods, or of all.
         """
@@ -98,7 +98,7 @@ class Evidence:
         return self._samples[key]
 
     def same_cases(self, place: str, methods: tuple[str, ...]) -> Sample | None:
-        """Find the records of some methods on the cases that all of them were run on; None without any."""
+        """Find the records of some methods on the cases that all of them ran on; None without such cases."""
         if self._usable.empty:
             return None
         rows = self._usable[self._at_threshold & self._usable["method"].isin(methods)]
@@ -185,7 +185,7 @@ def _make_own_sample(name: str, dataset: str, rows: pd.DataFrame) -> Sample:
 
 
 def _find_levels(rows: pd.DataFrame, experiment: Experiment) -> pd.Series | FloatArray:
-    """Return the value of what was varied, for each record; NaN outside all levels."""
+    """Return the value of the varied quantity for each record; NaN outside all levels."""
     if experiment.bins is not None:
         return binned(rows[experiment.column].to_numpy(), experiment.bins)
     if experiment.column == "nms_radius":  # its level is the number of matches that a radius leaves

@@ -1,4 +1,4 @@
-"""The numbers that claims compare: rows of the table, and what follows from them.
+"""The numbers that claims compare: rows of the table, and derived numbers.
 
 `levels`, `overall`, `everywhere` and `times` read the table. The other functions derive numbers from
 numbers: of each row, such as `lead`, or one row from all, such as `change`.
@@ -249,7 +249,7 @@ def spread(numbers: Numbers) -> Numbers:
 
 
 def swing(numbers: Numbers) -> Numbers:
-    """Largest rise or largest fall between neighbouring rows, whichever is smaller."""
+    """Smaller one of the largest rise and the largest fall between neighbouring rows."""
     what = f"the smaller of the largest rise and fall between neighbours of {numbers.what}"
     of_all = replace(numbers, find=lambda witness, _: numbers.find(witness, ()))
     smaller = _each_method(lambda _, values: float(min(np.diff(values).max(), -np.diff(values).min())))
@@ -322,7 +322,7 @@ def _over(
     least: int = 1,
     mean: bool = False,
 ) -> Numbers:
-    """Derive one row from all, of which there must be some."""
+    """Derive one row from all rows; raise if there are none."""
 
     def find(witness: Witness, methods: tuple[str, ...]) -> list[Row]:
         return [Row(*combine(_need_rows(numbers.find(witness, methods), least)))]

@@ -1,4 +1,4 @@
-"""The one table that claims are checked on: means by experiment, place, level, method and measure.
+"""The table for the checks of claims: means by experiment, place, level, method and measure.
 
 `at`, `named` and `nearest` pick some of the levels of an experiment.
 """
@@ -37,7 +37,7 @@ class NotTestableError(Exception):
 
 
 class Source(NamedTuple):
-    """Part of the table: an experiment on a data set of the paper, or on another one where that has none."""
+    """Part of the table: an experiment on a data set of the paper, or on its replacement."""
 
     experiment: str
     place: str
@@ -81,7 +81,7 @@ class ClaimTable:
 
 @dataclass(frozen=True, eq=False)
 class Witness:
-    """The table as one claim reads it: lists the data that it used, and raises where data are missing."""
+    """The table for one claim: records the used data, and raises if data are missing."""
 
     table: ClaimTable
     used: dict[tuple[str, str], Origin] = field(default_factory=dict)
@@ -129,7 +129,7 @@ class Witness:
 
 
 def make_table(evidence: Evidence) -> ClaimTable:
-    """Compute all means that claims are about."""
+    """Compute all means that the claims compare."""
     parts = [pd.DataFrame(columns=list(COLUMNS))]
     origins: dict[tuple[str, str], Origin] = {}
     chained = (evidence.same_cases(place, CHAINED) for place in VARIANTS.places)
@@ -187,14 +187,14 @@ _SIDES = {
 
 
 class Pick(NamedTuple):
-    """Some of the levels: in words, and a function that chooses among the known ones."""
+    """Some of the levels: their description, and a function that selects them."""
 
     words: str
     choose: Callable[[Sequence[Level]], list[Level]]
 
 
 def at(operator: Literal["<", "<=", ">", ">="], bound: float) -> Pick:
-    """Levels on one side of a bound, at least one of which must be there."""
+    """Levels on one side of a bound; at least one must exist."""
     compare, words = _SIDES[operator]
 
     def choose(known: Sequence[Level]) -> list[Level]:
@@ -208,7 +208,7 @@ def at(operator: Literal["<", "<=", ">", ">="], bound: float) -> Pick:
 
 
 def named(*wanted: Level) -> Pick:
-    """Levels that a statement names, all of which must be there."""
+    """Levels that a statement names; all must exist."""
 
     def choose(known: Sequence[Level]) -> list[Level]:
         missing = [str(each) for each in wanted if each not in known]
@@ -223,7 +223,7 @@ def named(*wanted: Level) -> Pick:
 
 
 def nearest(level: float, low: float, high: float, *, optional: bool = False) -> Pick:
-    """Level nearest to one, within bounds; it must be there unless it is optional."""
+    """Level nearest to a value, within bounds; it must exist unless it is optional."""
 
     def choose(known: Sequence[Level]) -> list[Level]:
         within = [each for each in known if low <= round(float(each), 6) <= high]

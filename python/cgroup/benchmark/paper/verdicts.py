@@ -94,7 +94,7 @@ def read_explanations() -> dict[str, str]:
 
 
 def count_verdicts(verdicts: Iterable[Verdict]) -> dict[str, int]:
-    """Count the claims by verdict, all four kinds named."""
+    """Count the claims by verdict, for all four verdicts."""
     counts = Counter(verdict.verdict for verdict in verdicts)
     return {outcome: counts[outcome] for outcome in OUTCOMES}
 
@@ -128,7 +128,7 @@ def _markdown_row(verdict: Verdict) -> str:
 
 
 def _quote(tests: list[Comparison]) -> str:
-    """Count the tests that hold, and quote the few that decide."""
+    """Count the tests that hold, and quote the decisive ones."""
     failing = [test for test in tests if not test.holds]
     count = f"{len(tests) - len(failing)} of {len(tests)}"
     if len(tests) <= _FAILING_SHOWN:

@@ -73,5 +73,5 @@ def join(names: Iterable[str]) -> str:
 
 
 def noun_of_levels(experiment: str) -> str:
-    """Name what the levels of an experiment are."""
+    """Return the noun for the levels of an experiment."""
     return _LEVELS.get(experiment, ("", f"level of {experiment}"))[1]

@@ -1,4 +1,4 @@
-"""Pipelines of other libraries: Open3D and KISS-Matcher; and the refinement by small_gicp.
+"""Pipelines of other libraries: Open3D, KISS-Matcher, and refinement by small_gicp.
 
 Open3D has the parameters of its tutorial on global registration, the others their defaults. Lim et al.:
 KISS-Matcher: Fast and robust point cloud registration revisited, ICRA 2025. Koide: small_gicp, Journal of

@@ -101,7 +101,7 @@ def describe_voxels(
     normals: FloatArray | None = None,
     threads: int | None = None,
 ) -> tuple[features.Cloud, FloatArray, NDArray[np.float32]]:
-    """Return the voxels of a cloud, indexed and as points, and their FPFH; normals agree with given ones."""
+    """Return the voxels of a cloud, indexed and as points, and their FPFH; given normals set the side."""
     voxels = features.voxel_downsample(points, voxel, normals=normals, threads=threads)
     cloud = features.Cloud(voxels.points)
     planes = features.normals(

@@ -1,4 +1,4 @@
-"""Tables of the report: cells, and rows declared by a group of rows and columns of numbers."""
+"""Tables of the report: cells, and rows from groups of records and columns of numbers."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping
@@ -42,7 +42,7 @@ class Table:
 
     @property
     def right(self) -> list[bool]:
-        """For each column, whether it shows numbers, and is aligned right."""
+        """For each column, whether it shows right-aligned numbers."""
         shown = (all(not cell.text.strip(_DIGITS) for cell in column) for column in self._columns())
         return [digits and by_number for digits, by_number in zip(shown, self.numeric, strict=True)]
 
@@ -163,6 +163,6 @@ def failure_table(frames: Iterable[pd.DataFrame]) -> Table:
 
 
 def plain_table(caption: str, frame: pd.DataFrame) -> Table:
-    """Tabulate a frame as it is."""
+    """Tabulate a frame unchanged."""
     rows = [tuple(words(value) for value in row) for row in frame.itertuples(index=False)]
     return Table(caption, tuple(map(str, frame.columns)), rows)

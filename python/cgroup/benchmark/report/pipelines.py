@@ -82,7 +82,7 @@ def calibration_table(frame: pd.DataFrame) -> Table:
 
     The calibration error is the mean distance between probability and share of correct poses over ten classes
     of probability, weighted by their pairs. NEES is the squared error of accepted correct poses normalized by
-    their covariance: 6 on average and below 12.6 for 95 of 100 if the covariance is right.
+    their covariance: 6 on average and below 12.6 for 95 of 100 if the covariance is correct.
     """
 
     def calibration(rows: pd.DataFrame) -> Cell:

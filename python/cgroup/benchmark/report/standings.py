@@ -1,4 +1,4 @@
-"""Section of the report that ranks methods over all pairs."""
+"""Report section with the ranking of methods over all pairs."""
 
 import pandas as pd
 

@@ -70,13 +70,13 @@ def _make_section(
 
 
 def with_fewest_threads(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows of the fewest threads; 0 stands for all cores."""
+    """Return the rows of the fewest threads; 0 means all cores."""
     counts = rows["threads"].unique()
     return rows[rows["threads"] == min(counts, key=lambda count: count or math.inf)]
 
 
 def overview_table(frame: pd.DataFrame) -> Table:
-    """Tabulate the share of registered problems and mean F of every method on every set."""
+    """Tabulate the fraction of registered problems and mean F of every method on every set."""
     ranks = {
         str(name): {rank.method: rank for rank in rank_methods(with_fewest_threads(rows))}
         for name, rows in frame.groupby("set", sort=False)
@@ -167,7 +167,7 @@ def failure_table(rows: pd.DataFrame) -> Table:
         return unrelated[unrelated["method"] == mine["method"].iloc[0]]
 
     def judged(mine: pd.DataFrame, flags: pd.Series) -> Cell:
-        """Return the share for methods that judge their answers."""
+        """Return the fraction for methods that judge their answers."""
         return number(flags.mean() if mine["ok"].notna().any() else math.nan)
 
     columns = {
@@ -188,7 +188,7 @@ def failure_table(rows: pd.DataFrame) -> Table:
 
 
 def level_table(related: pd.DataFrame) -> Table | None:
-    """Tabulate mean F by what a grid varies, or registered pairs by overlap; None where neither is known."""
+    """Tabulate mean F by the varied parameter of a grid, or registered pairs by overlap; else None."""
     if related["scene"].notna().all() and len(related):
         varied = [name for name in _VARIED if len(set(related[name])) > 1]
         return _spread(related, varied[0], varied[1:]) if varied else None
@@ -227,7 +227,7 @@ def _name_level(value: object) -> str:
 
 
 def describe_set(rows: pd.DataFrame, machines: pd.DataFrame) -> str:
-    """Return all that the numbers of a set depend on, in a sentence."""
+    """Return a sentence with all conditions of the numbers of a set."""
     problems = rows.drop_duplicates("case")
     related = problems[problems["kind"] == "related"]
     known = rows.iloc[0]

@@ -76,7 +76,7 @@ def _without_command(context: typer.Context) -> None:
 
 @contextmanager
 def _needs_extra() -> Generator[None, None, None]:
-    """Turn a missing library into an `InputError` that names the extra."""
+    """Raise an `InputError` that names the extra, if a library is missing."""
     try:
         yield
     except ModuleNotFoundError as missing:

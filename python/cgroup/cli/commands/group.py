@@ -152,7 +152,7 @@ def _write_files(
 
 
 def _refuse(found: Document) -> str | None:
-    """Return why a group is unreliable; None if it isn't, or if that is unknown."""
+    """Return the reason why a group is unreliable; None if it is reliable or not judged."""
     if found["ok"] is None or found["ok"]:
         return None
     if found["why_no_pose"]:

@@ -92,7 +92,7 @@ def locate_command(
 ) -> Document:
     """Estimate the pose of a scan in a map; exit status 3 if none is reliable.
 
-    Writes the pose, SCAN_in_MAP.txt. Where the map repeats, all places that share the probability are listed.
+    Writes the pose, SCAN_in_MAP.txt. If the map repeats, all places that share the probability are listed.
     """
     voxel = shared.pop("voxel")
     pose, frames = out / f"{name_of_pair(scan, map, 'in')}.txt", name_frames(scan, map)
@@ -129,7 +129,7 @@ def _open_map(file: Path, voxel: float | None, kept: Path | None, begin: Any) ->
     if file.is_dir():
         for name, value in (("voxel", voxel), ("save_map", kept)):
             if value is not None:
-                raise InputError(name, remedy="for a map that is a cloud, and this one is a folder")
+                raise InputError(name, remedy="for a map that is a cloud; this map is a folder")
         place = PreparedMap.load(file)
         unread = {"points": len(place.points), "dropped": None, "centroid": None, "extent": None}
         return place, {"role": "map", "file": file, **unread}
@@ -142,7 +142,7 @@ def _open_map(file: Path, voxel: float | None, kept: Path | None, begin: Any) ->
 
 
 def _reason(found: list[Registration], *, is_near: bool, is_viewed: bool) -> str:
-    """Return why no place is reliable, and which option may help."""
+    """Return the reason why no place is reliable, and a helpful option."""
     if not found:
         return "no candidate place was found" + ("; give a larger --radius" if is_near else "")
     chance = f"correct with a probability of {found[0].probability:.2f}"

@@ -206,7 +206,7 @@ def merge_command(
 
 
 def _refuse(scene: Scene, *, has_viewpoint: bool) -> str:
-    """Return which scans were left out and how many components there are; "" if all are connected."""
+    """Return the omitted scans and the number of components in words; "" if all are connected."""
     placed = {row for rows in scene.components for row in rows}
     left_out = [name for row, name in enumerate(scene.names) if row not in placed]
     reasons: list[str] = []
@@ -238,7 +238,7 @@ def _folder_if_needed(folder: Path) -> Generator[None]:
 
 
 def _files_of(folder: Path, components: int, *, html: bool) -> list[Path]:
-    """List the files of so many components of two scans or more."""
+    """List the files of a number of components of two scans or more."""
     of_each = (_POSES, _GRAPH, _MERGED, _PICTURE)
     files = [_file(folder, name, k) for k in range(components) for name in of_each]
     return [*files, *([folder / _PAGE] if html else [])]

@@ -31,7 +31,7 @@ class Mesh:
 
 
 def merge(meshes: Sequence[Mesh]) -> Mesh:
-    """Several meshes as one."""
+    """Return the union of several meshes."""
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])[:-1]
     faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=True)]
     return Mesh(np.concatenate([mesh.vertices for mesh in meshes]), np.concatenate(faces))
@@ -39,10 +39,10 @@ def merge(meshes: Sequence[Mesh]) -> Mesh:
 
 @dataclass(frozen=True, eq=False)
 class RangeImage:
-    """What the scanner sees.
+    """Result of a simulated scan.
 
-    The depth (W,H) is the distance from the scanner's plane per pixel, infinite where nothing returns; the
-    corner (2,) is where pixel 0, 0 lies on the plane z = -1; the step is the distance of two pixels there.
+    The depth (W,H) is the distance from the scanner's plane per pixel, infinite without a return; the
+    corner (2,) is the position of pixel 0, 0 on the plane z = -1; the step is the pixel spacing there.
     """
 
     depth: FloatArray
@@ -51,11 +51,11 @@ class RangeImage:
 
     @property
     def seen(self) -> BoolArray:
-        """Pixels where something returns."""
+        """Mask of the pixels with a return."""
         return np.isfinite(self.depth)
 
     def rays(self) -> FloatArray:
-        """Points at distance 1 on the lines of sight where something returns, row by row."""
+        """Points at distance 1 on the lines of sight with a return, row by row."""
         rows, columns = np.nonzero(self.seen)
         x, y = rows * self.step + self.corner[0], columns * self.step + self.corner[1]
         return np.stack([x, y, -np.ones(len(rows))], axis=1)
@@ -65,11 +65,11 @@ class RangeImage:
         return self.depth[self.seen]
 
     def points(self, noise: FloatArray | float = 0.0) -> FloatArray:
-        """Points seen, in the order of `rays`, with noise of each range."""
+        """Return the visible points in the order of `rays`, with range noise."""
         return self.rays() * (self.ranges() + noise)[:, None]
 
     def faces(self) -> IndexArray:
-        """Triangles between neighbouring pixels that lie on one surface, as rows of `points`."""
+        """Return triangles between neighbouring pixels on one surface, as rows of `points`."""
         number = np.full(self.depth.shape, -1, dtype=np.int64)
         number[self.seen] = np.arange(int(self.seen.sum()))
         a, b, c, d = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
@@ -82,7 +82,7 @@ class RangeImage:
 
 
 def range_image(mesh: Mesh, *, step: float, offset: FloatArray, two_sided: bool = False) -> RangeImage:
-    """Look at a mesh that is given in the scanner's frame, all of it before the scanner.
+    """Scan a mesh in the scanner's frame, which must be in front of the scanner.
 
     Pixels are a step apart on the plane z = -1; the image begins an offset (2,) of pixels before the mesh. A
     mesh that is open or not wound alike has to be two-sided; otherwise the corners of triangles run
@@ -100,7 +100,7 @@ def angular_size(mesh: Mesh) -> float:
 
 
 def _depth_image(mesh: Mesh, screen: FloatArray, *, two_sided: bool) -> tuple[FloatArray, FloatArray]:
-    """Distance from the scanner's plane and angle of incidence per pixel; infinite where nothing is."""
+    """Return depth and angle of incidence per pixel; infinite without a surface."""
     corners = screen[mesh.faces]
     edge1, edge2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     area = edge1[:, 0] * edge2[:, 1] - edge1[:, 1] * edge2[:, 0]

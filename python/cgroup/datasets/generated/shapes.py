@@ -14,14 +14,14 @@ RADIUS = 50.0  # mean radius of the shape, in mm
 _AXES = (1.0, 0.85, 0.7)  # of the ellipsoid that the details sit on, in radii
 
 _FACETS, _CUT = 150, 0.15  # planes that cut the ball, and the depth of the deepest cut in radii
-_TALLEST = 1.1  # radii, of what no plane cuts off
+_TALLEST = 1.1  # radii, without a cutting plane
 _STONE_GAP = 1.3  # diameters between the centres of stones around a scene
 # Bumps and dents: (how many, sharpness, height in radii); down to 1/e at an angle of sqrt(2 / sharpness).
 _BUMPS = ((150, 60.0, 0.06), (500, 300.0, 0.03))
 
 
 def stone(rng: np.random.Generator, grid: int) -> Mesh:
-    """Make a closed, star-shaped mesh of mean radius `RADIUS` in mm around the origin, wound outwards.
+    """Make a closed, star-shaped mesh of mean radius `RADIUS` mm around the origin, oriented outwards.
 
     The shape depends on the generator alone. The grid is the number of vertices along each edge of the cube
     that is blown up to the ball. There are 6 grid^2 vertices, those on the edges several times.
@@ -48,7 +48,7 @@ def stones_around(
     """Return points on stones that surround a scene without touching it."""
     apart = _STONE_GAP * max(size, float(np.ptp(scene, axis=0).max()))
     middle = (scene.max(axis=0) + scene.min(axis=0)) / 2
-    steps = np.arange(-4.0, 5.0)  # of a cubic lattice around the scene, whose nearest places come first
+    steps = np.arange(-4.0, 5.0)  # of a cubic lattice around the scene, nearest positions first
     places = np.stack(np.meshgrid(steps, steps, steps), axis=-1).reshape(-1, 3)
     shapes: list[FloatArray] = [np.empty((0, 3))]
     for place in places[np.argsort(np.linalg.norm(places, axis=1), kind="stable")][1:]:
@@ -61,13 +61,13 @@ def stones_around(
 
 
 def random_direction(rng: np.random.Generator) -> FloatArray:
-    """Draw a unit vector, all directions alike."""
+    """Draw a uniformly distributed unit vector."""
     vector = rng.normal(size=3)
     return vector / np.linalg.norm(vector)
 
 
 def random_pose(rng: np.random.Generator) -> FloatArray:
-    """Any rotation; a translation of a few radii."""
+    """Draw a pose: a uniform rotation, and a translation of a few radii."""
     quaternion = rng.normal(size=4)
     w, x, y, z = quaternion / np.linalg.norm(quaternion)
     pose = np.eye(4)
@@ -77,13 +77,13 @@ def random_pose(rng: np.random.Generator) -> FloatArray:
 
 
 def _cosines(columns: NDArray[np.float32], direction: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Dot products: the same bits on every machine, and no threads that BLAS would start for each."""
+    """Return dot products, identical to the bit on every machine, without BLAS threads."""
     x, y, z = columns
     return x * direction[0] + y * direction[1] + z * direction[2]
 
 
 def _ball(grid: int) -> tuple[NDArray[np.float32], IndexArray]:
-    """Spread unit vectors over the six faces of a blown-up cube, and triangles between them."""
+    """Return unit vectors on a grid over the six faces of a cube, and the triangles between them."""
     steps = np.tan(np.linspace(-np.pi / 4, np.pi / 4, grid))  # nearly even on the ball
     a, b = (part.reshape(-1) for part in np.meshgrid(steps, steps, indexing="ij"))
     one = np.ones_like(a)

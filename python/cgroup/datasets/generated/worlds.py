@@ -1,4 +1,4 @@
-"""Generated worlds of boxes, cylinders and balls, and what scanners see of them."""
+"""Generated worlds of boxes, cylinders and balls, and simulated scans."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from cgroup.types import FloatArray, PointCloud
 
 _SHARED = 0.02  # of the range: greatest distance of two points that show the same place
 _PER_KIND = 12
-_SOMEWHERE = ("lidar16", "sparse16", "lidar32", "lidar64", "station", "camera")  # what may stand anywhere
+_SOMEWHERE = ("lidar16", "sparse16", "lidar32", "lidar64", "station", "camera")  # sensors for any world
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class World:
     balls: FloatArray
 
     def cast(self, origin: FloatArray, directions: FloatArray) -> FloatArray:
-        """Ranges along unit directions (N,3), infinite where nothing is hit."""
+        """Return ranges along unit directions (N,3), infinite without a hit."""
         ranges = np.full(len(directions), np.inf)
         for box in self.boxes:
             np.minimum(ranges, _cast_box(box, origin, directions), out=ranges)
@@ -43,7 +43,7 @@ class World:
 
 
 class Sensor(NamedTuple):
-    """Directions (N,3) of the rays, how far they reach, and whether the scanner stands upright."""
+    """Directions (N,3) of the rays, their range, and whether the scanner is upright."""
 
     directions: FloatArray
     reach: float
@@ -63,12 +63,12 @@ class Worlds(Dataset):
         return [f"{kind}{number}" for kind in self.kinds for number in range(_PER_KIND)]
 
     def subject_of(self, name: str) -> str:
-        """Return the name of the pair: each is of another world."""
+        """Return the name of the pair, since each pair has its own world."""
         self.check_name(name)
         return name
 
     def load(self, name: str) -> MatchingPair:
-        """Make a world, and scan it twice."""
+        """Make a world and scan it twice."""
         self.check_name(name)
         kind = name.rstrip("0123456789")
         made = make_world_pair(np.random.default_rng((int(name[len(kind) :]), *kind.encode())), kind)
@@ -76,7 +76,7 @@ class Worlds(Dataset):
 
 
 class RepeatingWorlds(Worlds):
-    """Worlds that repeat, so that two scans do not determine their pose; unit m."""
+    """Repetitive worlds, in which two scans do not determine their pose; unit m."""
 
     name, title = "worlds-repeating", "Generated worlds that repeat, partial to partial"
     kinds: ClassVar = ("facade", "racks", "corridor", "twin", "gear")
@@ -142,11 +142,11 @@ _SENSORS: dict[str, Callable[[float], Sensor]] = {
 }
 
 
-# --- Worlds: what stands there, a typical range, and where two scanners may stand -------------------------
+# --- Worlds: objects, a typical range, and possible positions of two scanners -----------------------------
 
 
 def _box(*numbers: float) -> list[float]:
-    """Return a box from the middle of its bottom, its sides, and its yaw where it has one."""
+    """Return a box from the centre of its bottom face, its sides, and its yaw, if any."""
     x, y, z, a, b, c, *yaw = numbers
     return [x, y, z + c / 2, a / 2, b / 2, c / 2, *(yaw or [0.0])]
 
@@ -164,7 +164,7 @@ def _world(
 
 
 class Stand(NamedTuple):
-    """Where two scanners may stand: a box (x, y, z), how far apart, and where one looks that isn't level."""
+    """Possible positions of two scanners: a box (x, y, z), their distance, heading of a tilted view."""
 
     low: tuple[float, ...]
     high: tuple[float, ...]
@@ -187,7 +187,7 @@ class Stand(NamedTuple):
 
 
 class Orbit(NamedTuple):
-    """Views of something at the origin, from above and from so far."""
+    """Views of an object at the origin, from above, at a distance."""
 
     reach: float
 

@@ -1,1 +1,1 @@
-"""Recognise models in a scene: prepare all, propose poses, compare surfaces, take the surest first."""
+"""Recognize models in a scene: prepare all, propose poses, compare surfaces, accept the most probable."""

@@ -1,6 +1,6 @@
-"""Find models in a scene one after the other; each removes the part of the scene that it explains.
+"""Find models in a scene one after another; each removes the part of the scene that it covers.
 
-A right model agrees with the scene wherever the scanner should have seen it, up to noise and curvature. A
+A correct model agrees with the scene wherever the scanner should have seen it, up to noise and curvature. A
 wrong one may cover as much of the scene, but deviates elsewhere, or violates free space.
 """
 
@@ -32,7 +32,7 @@ _EVIDENCE = 0.01
 _RESIDUAL = 0.08
 _MIDDLE, _STEEPNESS = 0.815, 60.0
 _MIDDLE_UNSEEN = 0.72  # without a viewpoint, hidden points near the scene count as off it
-_SAME_PLACE = 0.8  # of what one pose explains that another explains too
+_SAME_PLACE = 0.8  # fraction of the voxels of one pose that another pose also covers
 _AS_GOOD = 0.8  # share of the score of a pose from which another is its alternative
 
 
@@ -57,7 +57,7 @@ class Detection:
 
     @property
     def visible(self) -> float:
-        """Share of the model's surface that the scene shows."""
+        """Fraction of the model's surface that is visible in the scene."""
         return float(self.seen[Place.ON] / self.seen.sum())
 
     def probability(self, free: BoolArray) -> float:
@@ -69,7 +69,7 @@ class Detection:
         return 1 / (1 + math.exp(min(-_STEEPNESS * (value - middle), 700)))
 
     def _value(self, free: BoolArray) -> float:
-        """Return the free share of the voxels that should be seen, minus the share by chance."""
+        """Return the unclaimed fraction of the voxels that should be visible, minus the expected fraction."""
         all_explained = int(self.explained.sum())
         if all_explained == 0:
             return -math.inf
@@ -225,7 +225,7 @@ class InstanceSearch:
 
 
 def _others(one: Detection, detections: list[Detection]) -> FloatArray:
-    """Return the poses that explain the same voxels almost as well."""
+    """Return the poses that cover the same voxels almost as well."""
     explained = int(one.explained.sum())
     poses: list[Any] = [
         other.pose

@@ -58,7 +58,7 @@ def recognize(
     """Return the models found in a scene, with their poses.
 
     The most probable model is taken first, with the part of the scene that it explains; the search continues
-    in the rest until no model is found. So no two models share a surface, and copies of a model are found one
+    in the rest until no model is found. So models never cover the same surface, and copies are found one
     after the other. Further parameters are as for `register`.
 
     Parameters
@@ -81,7 +81,7 @@ def recognize(
     -------
     list of Recognized
         ``(name, registration)`` of each model found, the most probable first within each round.
-        `Registration.fitness` is the share of the model's surface that the scene shows.
+        `Registration.fitness` is the fraction of the model's surface that is visible in the scene.
 
     Examples
     --------
