@@ -227,24 +227,6 @@ def poseless(_clouds: pipelines.Clouds, _clock: StageClock) -> Answer:
     return Answer(None, ok=True)
 
 
-def raising(_clouds: pipelines.Clouds, _clock: StageClock) -> Answer:
-    message = "can't do\nthis"
-    raise ArithmeticError(message)
-
-
-def lethal(clouds: pipelines.Clouds, _clock: StageClock) -> Answer:
-    """Kill the process unless the target is mirrored."""
-    if clouds.target[:, 0].mean() > 0:
-        os._exit(9)
-    return Answer(np.eye(4), ok=False)
-
-
-def stuck(_clouds: pipelines.Clouds, _clock: StageClock) -> Answer:
-    """Never return."""
-    threading.Event().wait()
-    raise AssertionError
-
-
 def placing(scans: pipelines.Scans, _clock: StageClock, *, joined: int | None = None) -> SceneAnswer:
     """Put all scans into components of so many, of all by default, as they are."""
     log("place")

@@ -41,3 +41,12 @@ def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("COLUMNS", raising=False)
     return tmp_path
+
+
+@pytest.fixture
+def log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return the file that `benchmark_fakes` writes a line to for each call."""
+    path = tmp_path / "calls.log"
+    path.touch()
+    monkeypatch.setenv("FAKES_LOG", str(path))
+    return path

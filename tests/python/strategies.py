@@ -8,7 +8,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from cgroup.datasets.matching_problems import MatchingProblem as Problem
 from cgroup.datasets.matching_problems import make_problem, random_rotations
-from cgroup.rigid import apply
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -81,31 +80,3 @@ def rigid(axis: ArrayLike, degrees: float, shift: ArrayLike = (0, 0, 0)) -> Floa
     motion[:3, :3] += np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
     motion[:3, 3] = shift
     return motion
-
-
-def moved(problem: Problem, source_motion: FloatArray, target_motion: FloatArray) -> Problem:
-    """Return the problem after a rigid motion of each side, frames included."""
-    inverse = np.linalg.inv(source_motion)
-    return replace(
-        problem,
-        source=apply(source_motion, problem.source),
-        target=apply(target_motion, problem.target),
-        source_lrf=problem.source_lrf @ source_motion[:3, :3].T,
-        target_lrf=problem.target_lrf @ target_motion[:3, :3].T,
-        source_centroid=apply(source_motion, problem.source_centroid[None])[0],
-        T_target_source=target_motion @ problem.T_target_source @ inverse,
-    )
-
-
-def scaled(problem: Problem, factor: float) -> Problem:
-    """Return the problem in another unit of length."""
-    transform = problem.T_target_source.copy()
-    transform[:3, 3] *= factor
-    return replace(
-        problem,
-        source=problem.source * factor,
-        target=problem.target * factor,
-        resolution=problem.resolution * factor,
-        source_centroid=problem.source_centroid * factor,
-        T_target_source=transform,
-    )

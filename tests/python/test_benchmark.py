@@ -22,14 +22,6 @@ from cgroup.errors import InputError
 HERE = Path(__file__).parent
 
 
-@pytest.fixture
-def log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    path = tmp_path / "calls.log"
-    path.touch()
-    monkeypatch.setenv("FAKES_LOG", str(path))
-    return path
-
-
 def lines(log: Path) -> list[str]:
     return log.read_text().splitlines()
 

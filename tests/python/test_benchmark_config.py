@@ -6,7 +6,7 @@ import benchmark_fakes
 from benchmark_runs import MATCHES, contents, serial
 from cgroup import METHODS, PAPER_METHODS, group
 from cgroup.benchmark import entries, tables
-from cgroup.benchmark.config import parse_config, preset_names, read_config, replace_methods
+from cgroup.benchmark.config import parse_config, preset_names, read_config
 from cgroup.benchmark.plan import make_plan
 from cgroup.benchmark.problem import Problem
 from cgroup.benchmark.solver import make_solver
@@ -32,7 +32,6 @@ WRONG_EXPERIMENTS = [
 ]
 
 WRONG_METHODS = [
-    ('"icp"', "[0]: method: got 'icp'"),
     (
         '{name = "gtm", options = {iteration = 5}}',
         "[0]: option: gtm has no 'iteration'; it takes iterations",
@@ -117,16 +116,6 @@ def test_the_papers_presets_run_the_papers_methods(name):
     assert preset.timing is not None
     timed = preset.timing.methods or preset.methods
     assert tuple(entry.label or entry.name for entry in timed)[:9] == PAPER_METHODS
-
-
-def test_other_methods_can_take_the_place_of_the_configurations():
-    paper = read_config("paper")
-    replaced = replace_methods(paper, ["all"])
-    assert [entry.name for entry in replaced.methods] == list(METHODS)
-    assert replaced.experiment == paper.experiment
-    assert replace_methods(paper, ["lc", "gtm"]).methods[0].name == "lc"
-    with pytest.raises(InputError, match="got 'everything'"):
-        replace_methods(paper, ["everything"])
 
 
 def test_presets_can_be_read():

@@ -1,18 +1,15 @@
 """Figures of the benchmark: drawn without a display, one look per method, nothing hidden."""
 
-from io import BytesIO
-
 import numpy as np
 import pandas as pd
 from benchmark_frames import METHODS, paper_frame, paper_timing
-from matplotlib.colors import to_hex
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from test_plots import drawn
 
 from cgroup.benchmark.paper.evidence import Evidence, mean_times
 from cgroup.evaluation.bins import LEAST_PAIRS
 from cgroup.plots.experiments import draw_times, matches_chart, rates_chart, scores_chart
-from cgroup.plots.style import METHOD_STYLES, PRINT_WIDTH
+from cgroup.plots.style import METHOD_STYLES
 
 LEVEL = "level (pr)"
 
@@ -23,32 +20,9 @@ def rows(experiment: str, place: str) -> pd.DataFrame:
     return sample.rows
 
 
-def drawn(figure: Figure) -> bytes:
-    buffer = BytesIO()
-    figure.savefig(buffer, format="png", dpi=40)
-    return buffer.getvalue()
-
-
-def curves(axes) -> dict[str, np.ndarray]:
-    """Heights of the curves by color."""
-    return {to_hex(line.get_color()).upper(): line.get_ydata() for line in axes.lines}
-
-
 def marked(axes) -> list[Line2D]:
     """Lines with markers, without those that connect them."""
     return [line for line in axes.lines if line.get_marker() != "None"]
-
-
-def test_scores_are_the_means_in_each_methods_color():
-    noise = rows("noise", "B3R")
-    figure = scores_chart(noise, LEVEL).draw("A title")
-    assert [axes.get_title(loc="left") for axes in figure.axes] == ["F", "precision", "recall"]
-    found = curves(figure.axes[2])
-    assert set(found) == {METHOD_STYLES[method].color.upper() for method in METHODS}
-    expected = noise[noise["method"] == "si"].groupby("x")["recall"].mean()
-    np.testing.assert_allclose(found[METHOD_STYLES["si"].color.upper()], expected)
-    assert figure.get_figwidth() == PRINT_WIDTH
-    assert drawn(figure)
 
 
 def test_levels_of_few_pairs_are_hollow_and_no_solid_line_leads_there():

@@ -35,14 +35,6 @@ KILLS = 120 if THOROUGH else 10
 SLOW = MATCHES.replace('"ransac", "gtm"', '"ransac", "benchmark_fakes:slow"')
 
 
-@pytest.fixture
-def log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    path = tmp_path / "calls.log"
-    path.touch()
-    monkeypatch.setenv("FAKES_LOG", str(path))
-    return path
-
-
 def write(path: Path, text: str) -> Path:
     path.write_text(text)
     return path

@@ -13,8 +13,6 @@ from cgroup.benchmark.pipelines import PIPELINES
 from cgroup.benchmark.plan import make_plan
 from cgroup.benchmark.report import write_report
 from cgroup.benchmark.report.pipelines import answer_table, detail_table, trust_table
-from cgroup.benchmark.results import KILLED
-from cgroup.benchmark.store import RECORDS, Store
 from cgroup.errors import InputError
 
 SETS = """
@@ -32,23 +30,6 @@ id = "views"
 dataset = "benchmark_fakes:Views"
 loose = "kitti"
 strict = "3dmatch"
-"""
-
-BROKEN = """
-name = "tiny"
-[registration]
-pipelines = [
-  { name = "benchmark_fakes:raising", label = "raising" },
-  { name = "benchmark_fakes:lethal", label = "lethal" },
-  { name = "benchmark_fakes:shifting", label = "right" },
-]
-[[registration.sets]]
-id = "stones"
-dataset = "benchmark_fakes:Clouds"
-pairs = ["a", "broken"]
-loose = "5deg+5pr"
-strict = "2deg+2pr"
-mirrored = 1
 """
 
 
@@ -92,53 +73,12 @@ def test_unrelated_clouds_have_no_right_pose(frame):
     assert unrelated[unrelated["method"] == "wrong"]["ok"].all()
 
 
-def test_nothing_is_registered_twice(tmp_path, monkeypatch):
-    log = tmp_path / "log"
-    monkeypatch.setenv("FAKES_LOG", str(log))
-    assert serial(SETS, tmp_path / "out").counts["registration"] == (12, 0, 12)
-    calls = log.read_text().count("shifting")
-    assert calls == 9
-    more = SETS.replace(
-        'label = "none" }', 'label = "none" },\n{ name = "benchmark_fakes:shifting", options = { by = 1 } }'
-    )
-    assert serial(more, tmp_path / "out").counts["registration"].wanted == 15
-    assert log.read_text().count("shifting") == calls + 3
-
-
-def test_what_fails_is_recorded_and_the_rest_goes_on(tmp_path):
-    summary = serial(BROKEN, tmp_path)
-    found = tables.load(tmp_path, "registration").set_index(["method", "pair", "kind"])
-    errors = found["error"].to_dict()
-    assert errors["raising", "a", "related"] == "ArithmeticError: can't do this"
-    assert errors["lethal", "a", "related"] == KILLED
-    assert errors["right", "a", "related"] == ""
-    assert errors["right", "broken", "related"] == "OSError: this pair is broken"
-    mirrored = [kind for kind in errors if kind[2] == "mirrored"]
-    assert len(mirrored) == 3
-    assert (
-        summary.failed
-        == sum(error != "" for error in errors.values())
-        == summary.counts["registration"].failed
-    )
-    store = Store(tmp_path / RECORDS)
-    assert ("lethal", KILLED) in {failure[:2] for failure in tables.load_failures(tmp_path)}
-    store.forget_failures()
-    assert store.counts()["registration"].failed == 0
-    store.close()
-
-
-def test_a_pipeline_that_hangs_is_ended(tmp_path):
-    hanging = '{ name = "benchmark_fakes:stuck", label = "stuck" },'
-    text = f"{BROKEN[: BROKEN.index('pipelines')]}limit = 1\npipelines = [{hanging}]\n{BROKEN[BROKEN.index('[[') :]}"
-    serial(text.replace('["a", "broken"]', '["a"]').replace("mirrored = 1", ""), tmp_path)
-    assert tables.load(tmp_path, "registration")["error"].tolist() == ["OutOfTime: took longer than 1 s"]
-
-
 def test_a_missing_library_leaves_its_pipelines_out(monkeypatch):
     monkeypatch.setitem(PIPELINES, "open3d-fgr", PIPELINES["open3d-fgr"]._replace(needs="no_such_library"))
     text = SETS.replace('{ name = "benchmark_fakes:poseless", label = "none" }', '"open3d-fgr"')
-    plan = make_plan(parse_config(text), None)
+    plan = make_plan(parse_config(text.replace("threads = 1", "threads = 1\nlimit = 5")), None)
     assert [pipeline.label for pipeline in plan.sets[0].solvers] == ["right", "rough", "wrong"]
+    assert plan.sets[0].limit == 5
     assert "no_such_library can't be imported" in plan.missing["open3d-fgr"]
 
 

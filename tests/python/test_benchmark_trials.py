@@ -12,14 +12,10 @@ from cgroup.benchmark import tables
 from cgroup.benchmark.config import parse_config
 from cgroup.benchmark.plan import make_plan
 from cgroup.benchmark.report import write_report
-from cgroup.benchmark.report.trials import (
-    describe_set,
-    failure_table,
-    level_table,
-)
+from cgroup.benchmark.report.trials import describe_set, failure_table, level_table
 from cgroup.benchmark.results import KILLED
 from cgroup.benchmark.run import Summary
-from cgroup.benchmark.stats import bootstrap, comparable, rank_methods
+from cgroup.benchmark.stats import comparable, rank_methods
 from cgroup.cli import main
 
 GRID = """
@@ -217,16 +213,6 @@ def test_presets_give_methods_their_options():
 
 
 COLUMNS = ["case", "method", "f_score", "right", "kind", "correct", "skipped"]
-
-
-def test_intervals_hold_the_mean():
-    values = np.column_stack([np.linspace(0, 1, 50), np.full(50, 0.3)])
-    varying, constant = bootstrap(values)
-    assert varying.low < varying.mean < varying.high
-    # The standard error of the mean of 50 evenly spread values is 0.0417.
-    assert varying.high - varying.low == pytest.approx(2 * 1.96 * 0.0417, rel=0.05)
-    assert constant == pytest.approx((0.3, 0.3, 0.3))
-    assert bootstrap(values) == bootstrap(values)
 
 
 def test_ranks_tell_a_difference_from_chance():

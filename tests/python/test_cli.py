@@ -48,7 +48,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         moved[0, 3] += way
         write_transform(path / f"{name}.txt", moved)
     write_cloud(path / "metres.ply", PointCloud(1e-3 * source.points))
-    (path / "cut.ply").write_bytes((path / "source.ply").read_bytes()[:5000])
     (path / "scaled.txt").write_text("2 0 0 0\n0 2 0 0\n0 0 2 0\n0 0 0 1\n")
     (path / "again").mkdir()
     for name in ("stone1", "stone2", "stone3", "again/stone1"):
@@ -396,46 +395,25 @@ def test_benchmark_run_and_status(tmp_path: Path, capsys: Capture) -> None:
 
 WRONG = [
     ("register missing.ply {target}", "missing.ply: no such file"),
-    ("register {folder}/cut.ply {target}", "cut.ply: not a readable PLY file, or cut off"),
-    ("register {source} {target} --method icp", "method: got 'icp'; choose one of ss, nnsr"),
     ("register {source} {target} --descriptor fpfh3", "cgroup: Invalid value for '--descriptor': 'fpfh3' is"),
     ("register {source} {target} {scene}", "got 3 clouds, and registers two; cgroup merge registers many into one scene"),
     ("register {source} {target} --normals mesh", "--normals: belongs to --front paper"),
     ("register {source} {target} --front paper --support 4", "--support: belongs to --front dense"),
-    ("register {source} {target} --front paper --normals mesh", "neither cloud has faces"),
-    ("register {folder}/metres.ply {target}", "scale them to the same unit"),
-    ("register {source} {target} --voxel 500", "fill 1 voxel of size 500; 20 are needed: give"),
-    ("register {source} {target} --target-viewpoint 0 0 1e9", "--target-viewpoint: got"),
-    ("register {source} {target} --support 0", "support: got 0"),
     ("register {source} {target} --out {source}", "can't be made a folder"),
     ("register {source} {target} --out=", "--out: got an empty name; give a folder; . is the current one"),
-    ("register {source} {target} --matches {source}", "source.ply: is a cloud, not matches"),
     ("register {source} {target} --matches {folder}/matches.npz --front paper", "--matches, --front: give one"),
     ("register {source} {target} --matches {folder}/matches.npz --support 4", "--matches, --support: give one"),
-    ("register {source} {target} --initial {folder}/scaled.txt", "scaled.txt: "),
     ("assess {source} {target} {folder}/scaled.txt", "scale the source by that first, and divide the block"),
     ("register {source} {target} --initial {folder}/truth.txt --matches {folder}/matches.npz", "--matches, --initial: give one"),
     ("register {source} {target} --initial {folder}/truth.txt --method gtm", "nothing is grouped where --initial is given"),
-    ("register {source} {target} --initial {folder}/truth.txt --angle 90", "give 60 degrees at most, or no --initial"),
-    ("register {source} {target} --scale 2 1", "--scale: got (2, 1); give the least scale first"),
     ("register {source} {target} --scale 1 2 --front paper", "leave out --front"),
     ("register {source} {target} --radius 5", "--radius: got 5, but no --initial"),
     ("register {source} {target} --angle 5", "--angle: got 5, but no --initial"),
-    ("register {source}", "Missing argument"),
     ("compare {source} {target}", "--truth"),
-    ("compare {source} {target} --truth {folder}/scaled.txt", "scaled by 2, not a rotation"),
-    ("group {source}", "source.ply"),
-    ("group {folder}/matches.npz --method gtm --tolerance 1", "tolerance"),
     ("group {folder}/matches.npz --tolerance automatic", "--tolerance: got automatic; give a length, or auto"),
-    ("group {folder}/matches.npz --method ss", "similarity"),
-    ("detect {source} --resolution 500", "the whole cloud is"),
-    ("detect {source} --nms-radius -1", "--nms-radius: got -1"),
     ("recognize {stone} {folder}/again/stone1.ply --scene {scene}", "two files named 'stone1'"),
-    ("recognize {folder}/bare.ply --scene {scene} --viewpoint 0 0 0", "neither faces nor normals"),
-    ("recognize {stone}", "--scene"),
     ("benchmark run nowhere.toml", "nowhere.toml: neither a readable configuration"),
     ("benchmark status --out nowhere", "nowhere: no records; make some"),
-    ("demo --seed -1", "seed"),
     ("frobnicate", "frobnicate"),
 ]  # fmt: skip
 

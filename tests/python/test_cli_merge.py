@@ -43,22 +43,9 @@ def calls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any
 
 
 def test_one_scene(calls: list[dict[str, Any]], capsys: Capture) -> None:
-    options = [
-        "--voxel",
-        "5",
-        "--viewpoint",
-        "0",
-        "0",
-        "0",
-        "--effort",
-        "high",
-        "--threads",
-        "1",
-        "--scheduler",
-        "local",
-    ]
-    (Path("stranger.ply")).unlink()
-    status, out, err = run(capsys, "merge", *NAMES, "--out", "scene", *options)
+    options = "--voxel 5 --viewpoint 0 0 0 --effort high --threads 1 --scheduler local"
+    Path("stranger.ply").unlink()
+    status, out, err = run(capsys, "merge", *NAMES, "--out", "scene", *options.split())
     assert (status, err) == (3, "cgroup: 1 of 4 scans left out (stranger.ply)\n")
     (given,) = calls
     assert (given["voxel"], given["viewpoint"], given["effort"]) == (5.0, (0.0, 0.0, 0.0), "high")

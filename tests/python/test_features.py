@@ -411,11 +411,9 @@ UP = np.tile([0.0, 0.0, 1.0], (len(GOOD_POINTS), 1))
     ("call", "says"),
     [
         (lambda: features.resolution(BAD_POINTS), "points.*row 5"),
-        (lambda: features.shot(BAD_POINTS, UP, [0], radius=1), "points.*row 5"),
         (lambda: features.normals(GOOD_POINTS.T), "transpose"),
         (lambda: features.normals(GOOD_POINTS, neighbors=0), "neighbors: got 0"),
         (lambda: features.normals(GOOD_POINTS, radius=0), "radius"),
-        (lambda: features.normals(GOOD_POINTS, viewpoint=(0, 0)), "viewpoint"),
         (lambda: features.mesh_normals(GOOD_POINTS, [[0, 1, 160]]), "faces.*row 0"),
         (lambda: features.mesh_normals(GOOD_POINTS, [[0, 1]]), "faces"),
         (lambda: features.harris3d(GOOD_POINTS, radius=-1), "radius: got -1"),
@@ -430,7 +428,6 @@ UP = np.tile([0.0, 0.0, 1.0], (len(GOOD_POINTS), 1))
         (lambda: features.iss(GOOD_POINTS, covariance="median"), "covariance.*mean"),
         (lambda: features.shot(GOOD_POINTS, UP, [0, 160], radius=1), "keypoints: got index 160 in row 1"),
         (lambda: features.shot(GOOD_POINTS, UP, [-1], radius=1), "keypoints: got index -1"),
-        (lambda: features.shot(GOOD_POINTS, UP, [0.5], radius=1), "keypoints.*whole numbers"),
         (
             lambda: features.shot(GOOD_POINTS, UP, np.array([2**63], np.uint64), radius=1),
             "keypoints: got index 9",
@@ -438,10 +435,8 @@ UP = np.tile([0.0, 0.0, 1.0], (len(GOOD_POINTS), 1))
         (lambda: features.shot(GOOD_POINTS, UP[1:], [0], radius=1), "normals: got 159 rows"),
         (lambda: features.shot(GOOD_POINTS, UP, [0], radius=np.inf), "radius"),
         (lambda: features.shot(GOOD_POINTS, UP, [0], radius=1, lrf=np.eye(3)), "lrf"),
-        (lambda: features.shot(GOOD_POINTS, UP, [0], radius=1, threads=0), "threads"),
         (lambda: features.fpfh(GOOD_POINTS, UP[1:], radius=1), "normals: got 159 rows"),
         (lambda: features.fpfh(GOOD_POINTS, UP, radius=0), "radius"),
-        (lambda: features.fpfh(GOOD_POINTS, UP, [160], radius=1), "keypoints: got index 160"),
         (lambda: features.fpfh(GOOD_POINTS, UP, radius=1, max_neighbors=0), "max_neighbors: got 0"),
         (lambda: features.fpfh(GOOD_POINTS, UP, radius=1, convention="itk"), "convention.*pcl"),
         (lambda: features.voxel_downsample(GOOD_POINTS, 0), "voxel: got 0"),
@@ -466,14 +461,3 @@ def test_missing_open3d_is_explained(monkeypatch):
     monkeypatch.setitem(sys.modules, "open3d", None)
     with pytest.raises(CgroupError, match=r"cgroup\[open3d\].*libegl1 libgl1 libx11-6.*libgomp1"):
         features.iss(GOOD_POINTS, backend="open3d")
-
-
-def test_keypoints_of_open3d():
-    open3d = pytest.importorskip("open3d", exc_type=ImportError)
-    points = surface(9, 2000)
-    cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points))
-    found = open3d.geometry.keypoint.compute_iss_keypoints(cloud, 1, 0.7, 0.975, 0.975, 5)
-    theirs = np.flatnonzero((points[:, None] == np.asarray(found.points)).all(axis=2).any(axis=1))
-    ours = features.iss(points, salient_radius=1, nms_radius=0.7, covariance="mean")
-    union = np.union1d(ours, theirs)
-    assert len(np.intersect1d(ours, theirs)) >= 0.9 * len(union)

@@ -1,5 +1,6 @@
 """What a newcomer types first: names after a bare import, paths as clouds, names that other libraries use."""
 
+import copy
 import inspect
 import pickle
 import re
@@ -13,7 +14,7 @@ import numpy as np
 import pytest
 
 import cgroup
-from cgroup import Correspondences, InputError
+from cgroup import InputError
 from cgroup.datasets import make_problem, standin_pair
 from cgroup.io import read_cloud, write_cloud
 from cgroup.registration import PreparedScan, prepare, register, register_many
@@ -60,19 +61,6 @@ def test_paths_are_clouds(files: tuple[Path, Path], kind: type) -> None:
     assert len(cgroup.registration.register_many([source, target])) == 1
 
 
-@pytest.mark.parametrize(
-    ("cloud", "words"),
-    [
-        ("missing.ply", "source: missing.ply: no such file"),
-        ("a scan", "source: a scan: unknown point"),
-        ("", "dir"),
-    ],
-)
-def test_paths_that_are_no_clouds(cloud: str, words: str) -> None:
-    with pytest.raises(InputError, match=words):
-        cgroup.register(cloud, PAIR.target)
-
-
 @pytest.mark.parametrize("kind", [str, Path, read_cloud])
 def test_a_cloud_in_place_of_normals_is_refused(
     files: tuple[Path, Path], kind: Callable[[Path], Any]
@@ -91,6 +79,7 @@ def test_a_cloud_in_place_of_normals_is_refused(
     ("option", "says"),
     [
         ("voxel_size", "there is no 'voxel_size' (did you mean 'voxel'?)"),
+        ("leaf_size", "there is no 'leaf_size' (did you mean 'voxel'?)"),
         ("viewpont", "there is no 'viewpont' (did you mean 'viewpoint'?)"),
         (
             "max_correspondence_distance",
@@ -102,6 +91,16 @@ def test_a_cloud_in_place_of_normals_is_refused(
 def test_unknown_options_say_which_was_meant(option: str, says: str) -> None:
     with pytest.raises(InputError, match=re.escape(says)):
         cgroup.register(PAIR.source, PAIR.target, **{option: 1})
+
+
+def test_an_attribute_of_other_libraries_leads_to_ours() -> None:
+    done = register(PAIR.source, PAIR.target)
+    for theirs, ours in {"transformation": "T_target_source", "converged": "ok"}.items():
+        with pytest.raises(AttributeError, match=f"no '{theirs}'; did you mean '{ours}'"):
+            getattr(done, theirs)
+    assert not hasattr(done, "nothing")
+    for same in (copy.copy(done), pickle.loads(pickle.dumps(done))):
+        assert same.probability == done.probability
 
 
 @pytest.mark.parametrize("place", [(0.0, 0.0, 0.0), [0, 0, 0], np.zeros(3)])
@@ -171,18 +170,6 @@ def test_errors_from_within_a_function_stay_what_they_are() -> None:
 
     with pytest.raises(TypeError, match="mine"):
         prepare(PAIR.source, progress=fail)
-
-
-def test_lc_is_the_default() -> None:
-    found = cgroup.group(MATCHES)
-    assert found.ok
-    np.testing.assert_array_equal(found.mask, cgroup.lc(SOURCE, TARGET, resolution=PROBLEM.resolution).mask)
-    assert cgroup.group_many([MATCHES])[0].ok
-    assert cgroup.group(Correspondences(SOURCE, TARGET)).ok
-    with pytest.raises(
-        InputError, match="give `resolution` .* cgroup.features.resolution.*or give `tolerance`"
-    ):
-        cgroup.group(Correspondences(SOURCE, TARGET), "sc2pcr")
 
 
 @pytest.mark.parametrize("viewpoint", [None, PAIR.source_viewpoint])

@@ -130,14 +130,6 @@ def test_texture_coordinates_are_left_out(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read_cloud(tmp_path / "a.ply").faces, [[0, 1, 2]])
 
 
-def test_transforms_and_correspondences_with_marks_and_comments(tmp_path: Path) -> None:
-    rows = "\n".join(" ".join(map(str, row)) for row in np.eye(4)).encode()
-    (tmp_path / "T.txt").write_bytes(b"\xef\xbb\xbf# caf\xe9\n" + rows)
-    np.testing.assert_array_equal(read_transform(tmp_path / "T.txt"), np.eye(4))
-    (tmp_path / "c.csv").write_bytes(b"\xef\xbb\xbf1,2,3,4,5,6 // \xff\n")
-    np.testing.assert_array_equal(read_correspondences(tmp_path / "c.csv").target, [[4, 5, 6]])
-
-
 def test_control_characters_of_a_file_are_not_passed_on(tmp_path: Path) -> None:
     bad = b"1 2 \x1b[2J\xea\x9f\x94\n"
     for read, name, content in (

@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as hst
-from shared_data import data_folder
 
 import cgroup
 from cgroup.datasets import MatchingProblem, make_problem
-from cgroup.datasets.demos import CorrespondenceFiles
 from cgroup.errors import InputError
 from cgroup.evaluation import rotation_error
 from cgroup.rigid import apply
@@ -90,10 +88,3 @@ def test_bounds_are_kept() -> None:
     assert 0.6 <= outside.diagnostics["scale"] <= 0.9
     with pytest.raises(InputError, match="scale: got .* give bounds around that"):
         cgroup.lc(problem.source, problem.target, scale=(100.0, 200.0))
-
-
-def test_matches_of_real_scans_in_another_unit() -> None:
-    matches = CorrespondenceFiles(data_folder("corr")).load("turboreg_kitti/020").correspondences
-    found = cgroup.lc(2.2 * matches.source, matches.target, resolution=matches.resolution, scale=True)
-    assert found.ok
-    assert found.diagnostics["scale"] == pytest.approx(1 / 2.2, rel=2e-3)

@@ -68,5 +68,6 @@ dataset = "standin"
     assert candidates[0] == make_solver("method", "", "gtm", {})
     replaced = replace_methods(config, ["Paper", " SC2-PCR"])
     assert [entry.solver().name for entry in replaced.methods] == [*cgroup.PAPER_METHODS, "sc2pcr"]
+    assert replaced.experiment == config.experiment
     with pytest.raises(InputError, match="or give module:function; did you mean 'gtm'"):
         parse_config(text.replace('"GTM"', '"GMT"'))

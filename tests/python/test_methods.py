@@ -151,19 +151,14 @@ def test_the_first_wrong_row_is_named(name):
 @pytest.mark.parametrize(
     ("method", "options", "words"),
     [
-        ("ransac", {"threads": 0}, "threads.*at least 1"),
         ("ransac", {"threads": 10**6}, "threads.*at most"),
         ("st", {"eigensolver": "dense", "max_memory": 1000}, "eigensolver.*MiB.*power"),
         ("3dhv", {"variant": "pcl"}, "bin_size.*side"),
         ("3dhv", {"bin_size": 1e-12}, "bin_size.*larger"),
         ("gc", {"tolerance": HUGE}, r"tolerance: got 1000.*\.\.\..*000; give a number that fits"),
         ("gc", {"variant": "x" * 10**6}, "variant: got 'xxx.*; choose one of"),
-        ("gc", {"progress": 5}, "progress: got 5; give a function that takes the share of the work done"),
         ("gtm", {"tolerance": 1.0}, "tolerance.*distance_difference"),
-        ("gtm", {"iteration": 5}, "gtm has no 'iteration'.*iterations"),
-        ("gtm", {"max_memory": -1}, "max_memory"),
         ("gtm", {"preset": "best"}, "preset.*literal"),
-        ("mac", {"max_seconds": 0.0}, "max_seconds.*greater than 0"),
     ],
 )
 def test_bad_options(method, options, words):
@@ -335,8 +330,3 @@ def test_ctrl_c_is_heard(call):
 def test_a_forked_process_computes_too():
     expected = cgroup.gtm(PROBLEM.source, PROBLEM.target).mask
     assert_holds_in_a_fork(lambda: np.array_equal(cgroup.gtm(PROBLEM.source, PROBLEM.target).mask, expected))
-
-
-def test_importing_needs_numpy_alone():
-    script = "import sys, cgroup; print(sorted({'matplotlib', 'rich', 'typer', 'scipy', 'trimesh', 'pypcd4', 'laspy'} & set(sys.modules)))"
-    assert subprocess.check_output([sys.executable, "-c", script], text=True).strip() == "[]"

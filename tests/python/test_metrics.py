@@ -12,7 +12,6 @@ from cgroup.evaluation import (
     clutter_and_occlusion,
     correct_matches,
     overlap,
-    rotation_error,
     score_group,
     translation_error,
 )
@@ -75,15 +74,6 @@ def test_correct_includes_the_limit() -> None:
 def test_correct_rejects_what_does_not_fit(source, tolerance, words) -> None:
     with pytest.raises(InputError, match=words):
         correct_matches(source, np.eye(3), np.eye(4), tolerance=tolerance)
-
-
-@pytest.mark.parametrize("degrees", [0.0, 1e-7, 0.5, 45, 120, 179.9999, 180])
-def test_rotation_error(degrees: float, rng: np.random.Generator) -> None:
-    start = rigid((1, 2, 3), 77, rng.normal(size=3))
-    turned = start @ rigid((3, -1, 0.5), degrees)
-    assert rotation_error(turned, start) == pytest.approx(degrees, abs=1e-6)
-    assert rotation_error(start, turned) == pytest.approx(degrees, abs=1e-6)
-    assert translation_error(turned, start) == pytest.approx(0, abs=1e-12)
 
 
 def test_translation_error() -> None:

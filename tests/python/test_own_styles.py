@@ -5,9 +5,7 @@ import pandas as pd
 import pytest
 
 from cgroup import METHODS
-from cgroup.plots.experiments import (
-    pipelines_chart,
-)
+from cgroup.plots.experiments import pipelines_chart
 from cgroup.plots.style import METHOD_STYLES, OWN_COLORS, method_style, method_styles
 
 OWN = [f"Own method {number}" for number in range(8)]

@@ -57,7 +57,6 @@ def test_clouds_that_make_no_sense_are_refused(source: Any, words: str) -> None:
     ("options", "words"),
     [
         ({"voxel": 0}, "voxel: got 0"),
-        ({"voxel": np.inf}, "voxel: got inf"),
         ({"voxel": 1000}, "source: .* fill 1 voxel of size 1000"),
         ({"voxel": 60}, "source: .*; 20 are needed: give .* a smaller `voxel`"),
         ({"voxel": 0.01}, "source: 0 of its .* voxels of 0.01 .* give a larger `voxel`"),
@@ -71,8 +70,6 @@ def test_clouds_that_make_no_sense_are_refused(source: Any, words: str) -> None:
         ({"axis": (0, 0, np.nan)}, "axis: got"),
         ({"effort": "max"}, "effort: got 'max'; choose one of low, normal, high"),
         ({"front": "fast"}, "front: got 'fast'; choose one of dense, paper"),
-        ({"method": "icp"}, "method: got 'icp'; choose one of"),
-        ({"frobnicate": 1}, "lc has no 'frobnicate'"),
         ({"front": PaperFront(normals="mesh")}, "neither cloud has faces"),
     ],
 )

@@ -4,14 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from shared_data import shared_file
 
 import cgroup
 from cgroup import features
 from cgroup.datasets import MatchingPair, standin_pair
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.evaluation import correct_matches
-from cgroup.io import PointCloud, read_cloud, read_transform
 from cgroup.registration import correspond, describe, register, surface_normals
 
 
@@ -62,20 +60,6 @@ def test_no_consensus_is_no_pose(pair: MatchingPair) -> None:
     with pytest.raises(NoConsensusError, match="no reliable pose") as caught:
         register(pair.source, pair.target, front="paper", method="ransac", tolerance=1e-12)
     assert caught.value.registration is None
-
-
-def test_a_model_in_a_scan_needs_the_normals_of_its_mesh() -> None:
-    model = read_cloud(shared_file("data/u3or/models/trex_small.ply"))
-    model = PointCloud(model.points + np.array([18.28188, -50.54808, -608.03780]), faces=model.faces)
-    scan = read_cloud(shared_file("data/u3or/pcl/rs1.pcd")).points[::4] * 1000
-    scan = scan @ np.array([[0, -1, 0], [-1, 0, 0], [0, 0, -1]]).T  # into the frame of the published poses
-    pose = read_transform(shared_file("data/u3or/gt/T-rex-rs1.xf"))
-    found = {}
-    for normals in ("pca", "mesh"):
-        matches = correspond(model, scan, normals=normals)
-        tolerance = 5 * matches.resolution
-        found[normals] = correct_matches(matches.source, matches.target, pose, tolerance=tolerance).sum()
-    assert found["mesh"] > 10 * found["pca"]
 
 
 def test_given_normals_are_used(pair: MatchingPair, matches: cgroup.Correspondences) -> None:

@@ -274,18 +274,3 @@ def test_numbers_that_are_missing_sort_last():
     assert number(float("nan")).text == "-"
     assert number(float("nan")).key < number(-1e9).key
     assert method_cell("3dhv").key < method_cell("gtm").key < method_cell("mine").key
-
-
-def test_one_evidence_serves_claims_and_figures():
-    frame = paper_frame("noise")
-    tenth = frame[frame["method"] == "gtm"].assign(method="zz")
-    evidence = Evidence(pd.concat([frame, tenth], ignore_index=True), pd.DataFrame())
-    claimed, shown = evidence.sample("noise", "B3R"), evidence.sample("noise", "B3R", every_method=True)
-    assert claimed is not None
-    assert shown is not None
-    assert set(shown.rows["method"]) - set(claimed.rows["method"]) == {"zz"}
-    assert evidence.samples() == [shown]
-    assert [row[1].text for row in ranking_table(shown).rows].count("zz") == 1
-    alone = Evidence(frame, pd.DataFrame()).sample("noise", "B3R")
-    assert alone is not None
-    pd.testing.assert_frame_equal(claimed.by_level("f_score"), alone.by_level("f_score"))

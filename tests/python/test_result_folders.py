@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from command_lines import fail, results_in, run, succeed, write_inputs
+from command_lines import fail, results_in, succeed, write_inputs
 from scenes import stone_model, stone_scene
 
 from cgroup import InputError
@@ -116,17 +116,6 @@ def test_views_stay_as_long_as_they_show_the_result(folder: Path, capsys: Captur
     succeed(capsys, *COMMANDS[command])
     succeed(capsys, *line, "--effort", "high")
     assert not {*views} & {*results_in(folder / "out")}
-
-
-def test_a_scene_of_fewer_scans_leaves_no_older_components(folder: Path, capsys: Capture) -> None:
-    other = standin_pair(seed=5, pixels=60)
-    write_cloud("a.ply", other.source)
-    write_cloud("b.ply", other.target)
-    scans = ("source.ply", "target.ply", "a.ply", "b.ply")
-    assert run(capsys, "merge", *scans, "--voxel", 5)[0] == 3
-    assert "merged_2.ply" in results_in(folder / "out")
-    succeed(capsys, "merge", *scans[:2], "--voxel", 5)
-    assert not [name for name in results_in(folder / "out") if "_2" in name]
 
 
 def test_an_input_is_not_removed(folder: Path, capsys: Capture) -> None:

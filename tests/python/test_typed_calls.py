@@ -8,9 +8,8 @@ from numpy.typing import ArrayLike
 
 import cgroup
 from cgroup import Correspondences
-from cgroup.datasets import make_problem, standin_pair
+from cgroup.datasets import standin_pair
 from cgroup.registration import describe, prepare, recognize, register_many
-from cgroup.registry import MethodName
 from cgroup.types import AnyCloud
 
 PAIR = standin_pair(pixels=60)
@@ -67,11 +66,3 @@ def test_viewpoints_in_any_form() -> None:
     assert cgroup.register(Cloud(), PAIR.target, source_viewpoint=np.zeros(3), target_viewpoint=[0, 0, 0]).ok
     assert register_many([Cloud(), PAIR.target], viewpoints=[np.zeros(3), None])[0] is not None
     assert recognize({"stone": Cloud()}, PAIR.target)[0].name == "stone"
-
-
-def test_methods_by_names_that_editors_complete_and_by_others() -> None:
-    matches = make_problem(np.random.default_rng(0), 100, inlier_ratio=0.5).correspondences()
-    name: MethodName = "sc2pcr"
-    label = "SC2-PCR".lower()
-    assert cgroup.group(matches, name).size == cgroup.group(matches, label).size
-    assert cgroup.group_many([matches], name)[0].size == cgroup.group_many([matches], "SC2-PCR")[0].size
