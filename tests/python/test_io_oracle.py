@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pypcd4 import Encoding
 from pypcd4 import PointCloud as PcdCloud
+from shared_data import shared_file
 
 from cgroup.io import PointCloud, read_cloud, write_cloud
 from cgroup.io.clouds import PARSERS
@@ -133,6 +134,27 @@ def test_own_files(tmp_path_factory: pytest.TempPathFactory, mesh: Mesh, more: b
     for name in ("points", "normals", "faces", "colors"):
         np.testing.assert_array_equal(getattr(read, name), getattr(cloud, name))
     np.testing.assert_array_equal(load(path.read_bytes(), "ply").vertices, points)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "b3r/models/bunny.ply",
+        "u3or/models/cheff_small.ply",
+        "lidar/small_gicp_source.ply",
+        "threedmatch/7-scenes-redkitchen/cloud_bin_7.pcd",
+    ],
+)
+def test_published_files(name: str) -> None:
+    path = shared_file(f"data/{name}")
+    cloud = PARSERS[path.suffix](path.read_bytes())
+    if path.suffix == ".pcd":
+        expected = PcdCloud.from_path(path).numpy(("x", "y", "z"))
+    else:
+        theirs = load(path.read_bytes(), "ply")
+        expected = theirs.vertices
+        np.testing.assert_array_equal(cloud.faces, getattr(theirs, "faces", None))
+    np.testing.assert_array_equal(cloud.points, expected)
 
 
 def test_polygons_are_cut_as_trimesh_cuts_them() -> None:

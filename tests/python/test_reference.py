@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 
 from reference.consistency_voting import cv
+from reference.game_theory import gtm
 from reference.geometric_consistency import gc
 from reference.hough_voting import hough3d
 from reference.nearest_neighbor_ratio import nnsr
 from reference.otsu import otsu_split
+from reference.ransac import enough, ransac
 from reference.search_of_inliers import si
+from reference.spectral import st
 from strategies import rigid
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -49,6 +52,9 @@ def test_otsu_of_constant_scores(mode: Any) -> None:
         assert threshold is None
         assert (mask == (value > 0)).all()
     assert otsu_split(np.zeros(0), mode)[0].shape == (0,)
+
+
+TRIANGLE = np.array([[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [0.0, 4.0, 0.0]])
 
 
 def test_nnsr_border_belongs_to_the_group() -> None:
@@ -110,6 +116,30 @@ def test_cv_by_hand() -> None:
     assert cv(**given_data).scores == pytest.approx(np.array([0.0, 1.0]))
 
 
+def test_early_stop_rule() -> None:
+    assert enough(256, 1.0, 0.5)
+    assert not enough(255, 1.0, 0.5)
+    assert not enough(256, 0.0, 0.5)
+    # log(0.01) / log(1 - 0.2^3) = 573.4: the third check.
+    assert [enough(256 * k, 0.2, 0.99) for k in (1, 2, 3)] == [False, False, True]
+
+
+def test_ransac_needs_three_points_that_are_not_in_line() -> None:
+    line = np.outer(np.arange(6.0), [1.0, 2.0, 3.0])
+    assert not ransac(line, line, tolerance=1.0, iterations=100).mask.any()
+    assert ransac(TRIANGLE, TRIANGLE, tolerance=1.0, iterations=1).mask.all()
+
+
+def test_st_of_two() -> None:
+    source = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    for stretch, expected in ((1.5, [True, True]), (2.0, [True, False])):
+        group = st(source, source * stretch)
+        assert group.mask.tolist() == expected
+        assert group.scores == pytest.approx(np.full(2, np.sqrt(0.5)))
+    assert not st(source, source * 0.0).mask.any()
+    assert not st(source[:1], source[:1], diagonal="one").mask.any()
+
+
 def on_a_line(positions: list[float]) -> np.ndarray:
     return np.array([[x, 0.0, 0.0] for x in positions])
 
@@ -153,3 +183,20 @@ def test_hough_grid_by_hand() -> None:
     assert hough3d(**data, bin_size=5.0).details["cells"][:, 0].tolist() == [*[0, 0, 0, 0, 3]]
     data["source_lrf"][0] = np.nan
     assert not hough3d(**data).mask[0]
+
+
+def isosceles(third: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return triangles with rho_01 = 1 and rho_02 = rho_12 = 1 / third."""
+    height = np.sqrt(0.75)
+    source = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, height, 0.0]])
+    target = source.copy()
+    target[2] = [0.5, np.sqrt(third**2 - 0.25), 0.0]
+    return source, target
+
+
+def test_gtm_one_step_by_hand() -> None:
+    # Pi x = (1.5, 1.5, 1) / 3, x' Pi x = 4/9, so x becomes (3/8, 3/8, 1/4).
+    group = gtm(*isosceles(2.0), iterations=1)
+    assert group.scores == pytest.approx(np.array([0.375, 0.375, 0.25]))
+    assert group.threshold == pytest.approx(0.3125)
+    assert group.mask.tolist() == [True, True, False]
