@@ -45,7 +45,7 @@ def find_differences(root: Path = ROOT, ref: str = "") -> list[str]:
 
 
 def read_notes(root: Path = ROOT) -> str | None:
-    """Return what the changelog says of the version, if it has a dated section of it."""
+    """Return the changelog's dated section of the version, if any."""
     heading = rf"^## {re.escape(read_version(root))} - \d{{4}}-\d\d-\d\d$\n(.*?)(?=^## |\Z)"
     found = _find(root / "CHANGELOG.md", heading, re.DOTALL)
     return found[0].strip() + "\n" if found else None

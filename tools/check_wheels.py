@@ -44,7 +44,7 @@ def check_wheel(wheel: Path, site: Path) -> None:
 
 
 def find_gaps(names: list[str]) -> list[str]:
-    """Return what a release needs and these files lack."""
+    """Return the missing files of a release."""
     wanted = {
         f"a wheel {python}-{platform}": rf"cgroup-[\d.]+-{python}-{platform}\.whl"
         for python in PYTHONS

@@ -88,7 +88,7 @@ def tidy(text: str) -> str:
 
 
 def cargo(*arguments: str) -> str:
-    """Return what cargo prints."""
+    """Return the output of cargo."""
     command = ["cargo", *arguments]
     return subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True).stdout  # noqa: S603
 

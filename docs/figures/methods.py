@@ -1,8 +1,8 @@
 """Make the figures of the methods' pages.
 
 ``python docs/figures/methods.py FOLDER`` writes ``<name>-idea.png``, ``<name>-options.png``,
-``<name>-limits.png`` and ``<name>-cost.png`` of every method, and ``chooser.html``, into the folder; nothing
-where they are up to date.
+``<name>-limits.png`` and ``<name>-cost.png`` of every method, and ``chooser.html``, into the folder,
+unless they are up to date.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _SOURCES = Path(__file__).parent
 
 
 def make_figures(folder: Path) -> None:
-    """Write all figures and the chooser into a folder, made if need be, unless they are there already."""
+    """Write all figures and the chooser into a folder, unless they exist; make the folder."""
     stamp = _state()
     marker = folder / _STAMP
     if (
@@ -48,7 +48,7 @@ def make_figures(folder: Path) -> None:
 
 
 def files(folder: Path) -> list[Path]:
-    """Return what `make_figures` makes there."""
+    """Return the paths of the files that `make_figures` writes."""
     return [*(folder / f"{name}-{kind}.png" for name in IDEAS for kind in KINDS), folder / "chooser.html"]
 
 
