@@ -1,8 +1,8 @@
-"""Builds the source distribution, and the wheel from it in an empty folder, and checks both: `make package`.
+"""Build and check the source distribution, and the wheel from it in an empty folder: `make package`.
 
-The tests of the unpacked sources have to be found and to compile; the wheel has to hold the licences,
-and must not tell where it was built. On Linux it is linked by Zig for systems as old as PLATFORM, and what
-it asks of the system and of Python is audited. What was built stays in the folder that is named.
+The Rust tests of the unpacked sources must compile, and pytest must collect the Python tests. The wheel must
+contain the licences, and no path of the machine. On Linux, Zig links it for systems as old as PLATFORM, and
+auditwheel and abi3audit check the symbols that it needs. Both files are kept in the given folder.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ PLATFORM = "manylinux_2_17"
 
 
 def run(*command: str | Path, folder: Path, **environment: str | Path) -> str:
-    """Run a command in a folder; return what it prints, or end with it where it fails."""
+    """Run a command in a folder; return its output, or exit with it if the command fails."""
     programs = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     variables = os.environ | {"PATH": programs} | {name: str(value) for name, value in environment.items()}
     done = subprocess.run(  # noqa: S603
@@ -63,7 +63,7 @@ def build_wheel(sources: Path, out: Path) -> Path:
 
 
 def audit_wheel(wheel: Path) -> None:
-    """End where the wheel asks for more of the system or of Python than its name says."""
+    """Exit if the wheel needs a newer system or Python than its name states."""
     shown = run(sys.executable, "-m", "auditwheel", "show", wheel, folder=wheel.parent)
     if f'"{PLATFORM}_' not in shown:
         raise SystemExit(shown)
@@ -81,7 +81,7 @@ def check_sources(sources: Path, site: Path) -> int:
 
 
 def as_new(member: tarfile.TarInfo, folder: str) -> tarfile.TarInfo:
-    """Unpack a file with the time of now: the archive's is old, and cargo would compile nothing anew."""
+    """Unpack a file with the current time; with the old time of the archive cargo would not compile it."""
     return tarfile.data_filter(member, folder).replace(mtime=time.time(), deep=False)
 
 

@@ -3,6 +3,7 @@
 import subprocess
 import sys
 
+import psutil
 import pytest
 
 from cgroup._runtime import memory
@@ -72,6 +73,10 @@ def test_the_groups_around_the_process_s_count_too(system, limited):
         system.limit(path, GIB if path == limited else "max", 0)
     system.limit("a/other", 1, 0)
     assert memory.default_max_memory() == GIB // 4
+
+
+def test_free_memory_is_that_of_psutil():
+    assert memory._free_on_machine() == pytest.approx(psutil.virtual_memory().available, rel=0.2)
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs a limit of address space")
