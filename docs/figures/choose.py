@@ -54,6 +54,7 @@ CONFIG = Path(__file__).with_suffix(".toml")
 GROUPING = ("rust/core/grouping", "python/cgroup/methods")
 REGISTRATION = (
     "rust/core",
+    "python/cgroup/fronts",
     "python/cgroup/registration",
     "python/cgroup/verification",
     "python/cgroup/features",

@@ -56,6 +56,11 @@ _Alignment: TypeAlias = tuple[
     FloatArray, FloatArray, FloatArray, int, _Resistance
 ]  # pose, residuals, deviations, number of samples
 
+_Refusal: TypeAlias = tuple[str, int, int]  # kind, and two numbers of voxels
+_Case: TypeAlias = tuple[
+    float, int, float, float, int, float
+]  # score, support, misfit, cells, planes, crossed
+
 _Graph: TypeAlias = tuple[
     RealArray, IndexArray, RealArray, RealArray, RealArray
 ]  # poses, edges, measurements, information, probability
@@ -65,13 +70,24 @@ __all__ = [
     "DIFFERENT_POSES",
     "Cloud",
     "FineSurface",
+    "Level",
+    "Prepared",
+    "Registered",
+    "Scaled",
+    "Scan",
     "Surface",
     "__version__",
     "align",
     "best_placements",
+    "choose_apart",
     "choose_voxel",
+    "covariance",
     "describe_methods",
+    "distinct_points",
     "drop_isolated",
+    "fill_between_rings",
+    "find_outliers",
+    "find_scale",
     "fpfh",
     "group",
     "harris3d",
@@ -89,15 +105,20 @@ __all__ = [
     "plane_distances",
     "pose_covariances",
     "rcs",
+    "register",
     "resolution",
     "rigid_fit",
     "score_poses",
+    "share_probability",
     "shot",
     "shot_lrf",
+    "shows_layers",
     "squared_errors",
+    "suit_voxel",
     "toldi_lrf",
     "verify",
     "voxel_downsample",
+    "weigh",
     "within",
 ]
 
@@ -112,10 +133,100 @@ def describe_methods() -> list[tuple[str, _Description]]: ...
 def rigid_fit(source: RealArray, target: RealArray) -> FloatArray: ...
 
 @final
+class Scan:
+    def __new__(cls, cloud: Cloud, normals: RealArray | None) -> Scan: ...
+    def __len__(self) -> int: ...
+
+@final
+class Prepared:
+    def __new__(
+        cls,
+        scan: Scan,
+        voxel: float,
+        radii: tuple[float, float, float],
+        viewpoint: Sequence[float] | None,
+        by_frames: bool,
+        most: int,
+    ) -> Prepared: ...
+    @staticmethod
+    def of_parts(
+        scan: Scan,
+        voxel: float,
+        voxels: tuple[FloatArray, FloatArray],
+        described: tuple[Sequence[int], FloatArray, _DescriptorArray],
+        run_options: RunOptions,
+    ) -> Prepared: ...
+    def level(self, row: int, run_options: RunOptions) -> tuple[Level | None, _Refusal | None]: ...
+    def begin(self, run_options: RunOptions) -> _Refusal | None: ...
+
+@final
+class Level:
+    def __len__(self) -> int: ...
+    @property
+    def voxel(self) -> float: ...
+    @property
+    def points(self) -> FloatArray: ...
+    @property
+    def normals(self) -> FloatArray: ...
+    @property
+    def surface(self) -> Surface: ...
+    def described(self, run_options: RunOptions) -> tuple[IndexArray, FloatArray, _DescriptorArray]: ...
+    def fit_similarity(
+        self, target: Level, pose: FloatArray, run_options: RunOptions
+    ) -> tuple[float, FloatArray, float, float] | None: ...
+    def confirm(self, target: Level, pose: FloatArray, run_options: RunOptions) -> Registered | None: ...
+
+@final
+class Registered:
+    pose: FloatArray
+    probability: float
+    fitness: tuple[float, float]
+    rmse: float
+    open_motion: FloatArray | None
+    motions: int
+    better_scale: float
+    scale_factor: float
+    cases: list[_Case]
+    shares: FloatArray
+    places: FloatArray
+    alternatives: FloatArray
+    levels: tuple[Level, Level]
+    seconds: list[tuple[str, float]]
+    matches: tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
+
+def register(
+    source: Prepared, target: Prepared, options: tuple[object, ...], run_options: RunOptions
+) -> tuple[Registered | None, tuple[int, _Refusal] | None]: ...
+
+@final
+class Scaled:
+    scale: float
+    deviation: float
+    is_open: bool
+    scans: tuple[Prepared, Prepared, float]
+    pose: FloatArray | None
+    def weigh(self, cases: Sequence[_Case], motions: int) -> tuple[float, list[tuple[float, FloatArray]]]: ...
+
+def find_scale(
+    source: Prepared,
+    target: Prepared,
+    bounds: tuple[float, float],
+    voxel: float | None,
+    axis: Sequence[float] | None,
+    run_options: RunOptions,
+) -> tuple[Scaled | None, tuple[int, float, _Refusal] | None, tuple[float, float] | None]: ...
+def covariance(found: Registered, run_options: RunOptions) -> FloatArray: ...
+def weigh(evidence: _Case) -> float: ...
+def share_probability(cases: Sequence[_Case], scales: int) -> tuple[float, list[float]]: ...
+def choose_apart(poses: FloatArray, center: Sequence[float], voxel: float) -> list[int]: ...
+
+@final
 class Cloud:
     def __new__(cls, points: RealArray, name: str) -> Cloud: ...
     def __len__(self) -> int: ...
     def own_axes(self) -> FloatArray: ...
+    def own_diagonal(self) -> float: ...
+    def center(self) -> FloatArray: ...
     @property
     def diagonal(self) -> float: ...
 
@@ -126,6 +237,15 @@ def voxel_downsample(
     cloud: Cloud, normals: RealArray | None, run_options: RunOptions, voxel: float, own_axes: bool
 ) -> tuple[FloatArray, FloatArray | None, IndexArray]: ...
 def choose_voxel(clouds: Sequence[Cloud], run_options: RunOptions, most: int, own_axes: bool) -> float: ...
+def distinct_points(points: RealArray) -> tuple[IndexArray, IndexArray] | None: ...
+def find_outliers(cloud: Cloud, run_options: RunOptions) -> IndexArray: ...
+def fill_between_rings(cloud: Cloud, points: RealArray, run_options: RunOptions) -> FloatArray | None: ...
+def shows_layers(
+    cloud: Cloud, run_options: RunOptions, viewpoint: tuple[float, float, float], voxel: float
+) -> bool: ...
+def suit_voxel(
+    clouds: Sequence[Cloud], run_options: RunOptions
+) -> tuple[float | None, tuple[int, int] | None]: ...
 def normals(
     cloud: Cloud,
     run_options: RunOptions,

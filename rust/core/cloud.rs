@@ -9,6 +9,7 @@ use crate::error::Result;
 use crate::execution::Execution;
 use crate::geometry::ball_search::BallSearch;
 use crate::geometry::neighbors::NearestNeighbors;
+use crate::geometry::own_axes::OwnFrame;
 use crate::geometry::resolution;
 use crate::points::Points;
 
@@ -17,7 +18,7 @@ const MOST_KEPT: usize = 3;
 
 /// Points and their cached searches. Threads may share it.
 ///
-/// Kept searches take up to 240 bytes per point.
+/// What it keeps takes up to 264 bytes per point.
 #[derive(Debug, Default)]
 pub struct Cloud {
     points: Points,
@@ -30,7 +31,11 @@ struct Kept {
     /// The latest last.
     balls: Vec<BallSearch>,
     resolution: Option<f64>,
+    own: Option<Arc<Own>>,
 }
+
+/// The frame of a cloud's own axes, and its points in that frame.
+pub type Own = (OwnFrame, Points);
 
 impl Cloud {
     /// Cloud of points that are already validated.
@@ -49,6 +54,21 @@ impl Cloud {
     /// The points, relative to their mean.
     pub fn points(&self) -> &Points {
         &self.points
+    }
+
+    /// The points along the cloud's own axes, and the frame of these.
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfMemory`].
+    pub fn own(&self) -> Result<Arc<Own>> {
+        if let Some(known) = self.kept().and_then(|kept| kept.own.clone()) {
+            return Ok(known);
+        }
+        let built = Arc::new(OwnFrame::of(&self.points)?);
+        if let Some(mut kept) = self.kept() {
+            kept.own = Some(Arc::clone(&built));
+        }
+        Ok(built)
     }
 
     /// Mean distance to the nearest other point (see [`resolution::mean_nearest_distance`]).

@@ -92,6 +92,7 @@ pub mod memory;
 pub mod options;
 pub mod points;
 pub mod pose_graph;
+pub mod registration;
 pub mod rule;
 pub mod selection;
 mod simd;

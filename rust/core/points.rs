@@ -14,6 +14,9 @@ pub const MAX_COORDINATE: f64 = 1e150;
 /// Squares and products of smaller extents underflow.
 const MIN_EXTENT: f64 = 1e-60;
 
+/// Rows that are copied axis by axis while they are in the cache.
+const IN_CACHE: usize = 1024;
+
 /// Edges shorter than this share of the bounding box's diagonal count as zero length.
 pub const ZERO_LENGTH: f64 = 1e-12;
 
@@ -28,6 +31,8 @@ pub struct Points {
     pub z: Vec<f64>,
     center: Vector3<f64>,
     diagonal: f64,
+    /// Minimum and maximum coordinate of each axis.
+    extremes: [(f64, f64); 3],
 }
 
 impl Points {
@@ -63,9 +68,21 @@ impl Points {
         for (axis, center) in [&mut points.x, &mut points.y, &mut points.z].into_iter().zip(&points.center) {
             axis.iter_mut().for_each(|value| *value -= center);
         }
-        let extremes = points.extremes();
-        points.diagonal = Vector3::from(extremes.map(|(low, high)| (high - low).max(0.0))).norm();
-        (points, extremes.iter().fold(0.0, |most: f64, (low, high)| most.max(-low).max(*high)))
+        let extent = points.measure();
+        (points, extent)
+    }
+
+    /// Sets the diagonal; returns the greatest magnitude of a coordinate.
+    fn measure(&mut self) -> f64 {
+        let extremes = [&self.x, &self.y, &self.z].map(|axis| {
+            simd::run(
+                #[inline(always)]
+                || extremes(axis),
+            )
+        });
+        self.extremes = extremes;
+        self.diagonal = Vector3::from(extremes.map(|(low, high)| (high - low).max(0.0))).norm();
+        extremes.iter().fold(0.0, |most: f64, (low, high)| most.max(-low).max(*high))
     }
 
     /// Copies the points.
@@ -82,8 +99,13 @@ impl Points {
     /// # Errors
     /// [`Error::OutOfMemory`].
     pub fn turned(&self, turn: &Matrix3<f64>) -> Result<Self> {
-        let axis = |k: usize| memory::collect((0..self.len()).map(|i| (turn.row(k) * self.get(i).coords).x));
-        Ok(Self::centered(axis(0)?, axis(1)?, axis(2)?).0)
+        let axis = |k: usize| {
+            let rows = self.x.iter().zip(&self.y).zip(&self.z);
+            memory::collect(rows.map(|((x, y), z)| turn[(k, 0)] * x + turn[(k, 1)] * y + turn[(k, 2)] * z))
+        };
+        let mut turned = Self { x: axis(0)?, y: axis(1)?, z: axis(2)?, ..Self::default() };
+        turned.measure();
+        Ok(turned)
     }
 
     /// Mirrors the points at the plane x = 0 through their centre.
@@ -93,6 +115,7 @@ impl Points {
     pub fn mirrored(&self) -> Result<Self> {
         let mut mirrored = self.copied()?;
         mirrored.x.iter_mut().for_each(|x| *x = -*x);
+        mirrored.measure();
         Ok(mirrored)
     }
 
@@ -152,7 +175,7 @@ impl Points {
             axis.iter_mut().for_each(|value| *value *= factor);
         }
         scaled.center *= factor;
-        scaled.diagonal *= factor;
+        scaled.measure();
         Ok(scaled)
     }
 
@@ -166,18 +189,7 @@ impl Points {
         if self.is_empty() {
             return ([0.0; 3], [0.0; 3]);
         }
-        let extremes = self.extremes();
-        (extremes.map(|(low, _)| low), extremes.map(|(low, high)| high - low))
-    }
-
-    /// Minimum and maximum coordinate of each axis.
-    fn extremes(&self) -> [(f64, f64); 3] {
-        [&self.x, &self.y, &self.z].map(|axis| {
-            simd::run(
-                #[inline(always)]
-                || extremes(axis),
-            )
-        })
+        (self.extremes.map(|(low, _)| low), self.extremes.map(|(low, high)| high - low))
     }
 }
 
@@ -196,8 +208,13 @@ fn extremes(values: &[f64]) -> (f64, f64) {
 /// Copies the coordinates by axis. Never inlined, so that the compiler does not read the rows a second time.
 #[inline(never)]
 fn copied_axes<T: Copy + Into<f64>>(rows: &[[T; 3]]) -> Result<[Vec<f64>; 3]> {
-    let axis = |k: usize| memory::collect(rows.iter().map(|row| row[k].into()));
-    Ok([axis(0)?, axis(1)?, axis(2)?])
+    let mut axes = memory::try_map([0; 3], |_| memory::with_capacity(rows.len()))?;
+    for some in rows.chunks(IN_CACHE) {
+        for (k, axis) in axes.iter_mut().enumerate() {
+            axis.extend(some.iter().map(|row| row[k].into()));
+        }
+    }
+    Ok(axes)
 }
 
 fn validate(name: &str, x: &[f64], y: &[f64], z: &[f64]) -> Result<()> {

@@ -1,79 +1,38 @@
-//! Register two scans: voxels, normals, descriptors, matches, a group of them, and its poses verified on the
-//! surfaces.
+//! Register two scans: the pose with its probability, or none.
 #![expect(clippy::print_stdout, reason = "an example shows its result")]
 
 use std::f64::consts::PI;
+use std::sync::Arc;
 
-use cgroup::features::fpfh::{self, Convention, Fpfh};
-use cgroup::features::matching::{Descriptors, Match, Matching};
-use cgroup::features::normals::{Neighborhood, surfaces};
-use cgroup::features::voxels::voxel_downsample;
-use cgroup::geometry::rigid::Rigid;
-use cgroup::grouping::likelihood_consensus::LikelihoodConsensus;
-use cgroup::verification::{Side, Surface, overlap, verify};
-use cgroup::{Cloud, Correspondences, Execution, GroupingMethod, Points, Result};
+use cgroup::registration::{Options, Outcome, Prepared, Suited, register, suit_voxel};
+use cgroup::{Cloud, Execution, Result};
 use nalgebra::{Isometry3, Point3, Vector3};
-
-const VOXEL: f64 = 2.0;
-/// Unit of the surfaces that score poses, and of the matches.
-const UNIT: f64 = 0.4 * VOXEL;
-
-/// A downsampled scan with its features.
-struct Prepared {
-    points: Vec<[f64; 3]>,
-    descriptors: Descriptors,
-    surface: Surface,
-}
-
-/// Prepares a scan with the scanner at the origin.
-fn prepare(scan: &[[f64; 3]], execution: &Execution) -> Result<Prepared> {
-    let points = voxel_downsample(&Points::from_rows("scan", scan)?, None, VOXEL, execution)?.points;
-    let cloud = Cloud::from_rows("voxels", &points)?;
-    let planes = surfaces(&cloud, Neighborhood::NearestWithin(30, 2.0 * VOXEL), Point3::origin(), execution)?;
-    let normals: Vec<_> = planes.iter().map(|plane| plane.normal).collect();
-    let fpfh = Fpfh { radius: 5.0 * VOXEL, max_neighbors: Some(100), convention: Convention::Open3d };
-    let rows = fpfh.describe(&cloud, &normals, None, execution)?;
-    Ok(Prepared {
-        descriptors: Descriptors::new("scan", rows.as_flattened(), fpfh::LENGTH)?,
-        surface: Surface::new(cloud.points(), &normals, UNIT, Side::Viewpoint([0.0; 3]), execution)?,
-        points,
-    })
-}
 
 fn main() -> Result<()> {
     // Two scans of a stone, each in its scanner's own frame. `cgroup::cloud_formats` reads files.
     let scanners = [scanner(0.0), scanner(50.0)];
     let truth = scanners[1].inverse() * scanners[0];
     let execution = Execution::default();
-    let source = prepare(&scan(&scanners[0]), &execution)?;
-    let target = prepare(&scan(&scanners[1]), &execution)?;
+    let source = Arc::new(Cloud::from_rows("source", &scan(&scanners[0]))?);
+    let target = Arc::new(Cloud::from_rows("target", &scan(&scanners[1]))?);
+    let Suited::Voxel(voxel) = suit_voxel(&[&source, &target], &execution)? else {
+        println!("the clouds differ too much in size");
+        return Ok(());
+    };
 
-    let matching = Matching { mutual: true, ..Matching::default() };
-    let matches = matching.run(&source.descriptors, &target.descriptors, &execution)?;
-    let points_of = |found: &Match| (source.points[found.source], target.points[found.target]);
-    let (from, to): (Vec<_>, Vec<_>) = matches.iter().map(points_of).unzip();
-    let correspondences = Correspondences::new(&from, &to)?
-        .with_ratio(matches.iter().map(Match::ratio).collect())?
-        .with_resolution(UNIT)?;
-    let group = LikelihoodConsensus::default().group(&correspondences, &execution)?;
-    println!("{} of {} matches are kept", group.size(), matches.len());
-
-    // The group's pose and its rivals, refined on the surfaces; best first.
-    let poses: Vec<_> = group
-        .alternatives
-        .unwrap_or_default()
-        .iter()
-        .map(|pose| Rigid {
-            rotation: pose.model.fixed_view::<3, 3>(0, 0).into(),
-            translation: pose.model.fixed_view::<3, 1>(0, 3).into(),
-        })
-        .collect();
-    let verified = verify(&source.surface, &target.surface, &poses, None, &execution)?;
-    let best = &verified[0];
-    let found = overlap(&source.surface, &target.surface, &best.pose, &execution)?;
-    println!("{:.0} % of the source lie on the target, {:.3} off", 100.0 * found.fitness, found.inlier_rmse);
-    println!("source to target:{:.2}", best.pose.to_matrix());
-    assert!((best.pose.to_matrix() - truth.to_homogeneous()).amax() < 0.5);
+    // Prepare a scan once, and register it with any number of others.
+    let source = Prepared::of(source, voxel, Some([0.0; 3]))?;
+    let target = Prepared::of(target, voxel, Some([0.0; 3]))?;
+    let Outcome::Found(done) = register(&source, &target, &Options::default(), &execution)? else {
+        println!("no pose can be proposed");
+        return Ok(());
+    };
+    let found = &done.found;
+    println!("right with a probability of {:.2}", found.probability);
+    println!("{:.0} % of the source overlap the target", 100.0 * found.fitness);
+    println!("source to target:{:.2}", found.refined.pose.to_matrix());
+    assert!(found.probability > 0.9);
+    assert!((found.refined.pose.to_matrix() - truth.to_homogeneous()).amax() < 0.5);
     Ok(())
 }
 

@@ -3,12 +3,11 @@
 use std::sync::Arc;
 
 use cgroup::Cloud as CoreCloud;
-use cgroup::geometry::own_axes::own_axes;
 use numpy::ndarray::Ix2;
-use numpy::{PyArray2, PyArrayMethods};
+use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 
-use crate::convert::{Reals, array};
+use crate::convert::{Reals, array, checked};
 
 /// A prepared point cloud; use it through `cgroup.features.Cloud`.
 #[pyclass(frozen, module = "cgroup._core")]
@@ -29,7 +28,18 @@ impl Cloud {
 
     /// Rotation to the cloud's intrinsic axes, (3,3).
     fn own_axes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        array(py, own_axes(self.core.points()).transpose().iter().copied())?.reshape([3, 3])
+        let own = checked(self.core.own())?;
+        array(py, own.0.axes.transpose().iter().copied())?.reshape([3, 3])
+    }
+
+    /// Diagonal of the box along the intrinsic axes.
+    fn own_diagonal(&self) -> PyResult<f64> {
+        Ok(checked(self.core.own())?.1.diagonal())
+    }
+
+    /// Mean of the points, (3,).
+    fn center<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        array(py, self.core.points().center().iter().copied())
     }
 
     #[getter]

@@ -90,6 +90,14 @@ impl Reals<'_, Ix2> {
         self.triples(name)
     }
 
+    /// The numbers, row by row.
+    pub fn numbers(&self) -> PyResult<Vec<f64>> {
+        checked(match self {
+            Self::Single(array) => memory::collect(array.as_slice()?.iter().copied().map(f64::from)),
+            Self::Double(array) => memory::copied(array.as_slice()?),
+        })
+    }
+
     /// The rows as given.
     pub fn rows(&self) -> PyResult<Vec<[f64; 3]>> {
         checked(match self {

@@ -14,7 +14,6 @@ use cgroup::features::shot::Shot;
 use cgroup::features::shot_lrf::shot_frames;
 use cgroup::features::toldi_lrf::toldi_frames;
 use cgroup::features::voxels;
-use cgroup::geometry::own_axes::OwnFrame;
 use cgroup::memory;
 use nalgebra::{Point3, Vector3};
 use numpy::ndarray::{Ix2, Ix3};
@@ -58,8 +57,10 @@ pub fn voxel_downsample<'py>(
     let normals = normals.as_ref().map(directions).transpose()?;
     let has_normals = normals.is_some();
     let found = run(py, &run_options, move |execution| {
-        let thin = if own_axes { voxels::thin } else { voxels::voxel_downsample };
-        thin(cloud.points(), normals.as_deref(), voxel, execution)
+        if own_axes {
+            return voxels::thin_own(&*cloud.own()?, normals.as_deref(), voxel, execution);
+        }
+        voxels::voxel_downsample(cloud.points(), normals.as_deref(), voxel, execution)
     })?;
     let means = has_normals.then(|| vectors(py, found.normals)).transpose()?;
     Ok((table(py, found.points)?, means, array(py, found.indices.into_iter().map(i64::from))?))
@@ -77,9 +78,12 @@ pub fn choose_voxel(
     let clouds: Vec<_> = clouds.iter().map(|cloud| cloud.get().core()).collect();
     run(py, &run_options, move |execution| {
         if own_axes {
-            let turned = clouds.iter().map(|cloud| OwnFrame::of(cloud.points()).map(|(_, points)| points));
-            let turned = turned.collect::<Result<Vec<_>, _>>()?;
-            return voxels::choose_voxel(&turned.iter().collect::<Vec<_>>(), most, execution);
+            let turned = clouds.iter().map(|cloud| cloud.own()).collect::<Result<Vec<_>, _>>()?;
+            return voxels::choose_voxel(
+                &turned.iter().map(|own| &own.1).collect::<Vec<_>>(),
+                most,
+                execution,
+            );
         }
         let points: Vec<_> = clouds.iter().map(|cloud| cloud.points()).collect();
         voxels::choose_voxel(&points, most, execution)
@@ -366,7 +370,7 @@ fn widened<T: Copy + Into<f64>>(row: &[T; 3]) -> Vector3<f64> {
 }
 
 /// Frames, one per block; a block with NaN is a missing frame.
-fn frames(array: &Reals<'_, Ix3>) -> PyResult<Vec<Frame>> {
+pub fn frames(array: &Reals<'_, Ix3>) -> PyResult<Vec<Frame>> {
     let frames = array.frames()?;
     checked(memory::collect((0..frames.len()).map(|i| frames.get(i))))
 }
@@ -387,7 +391,7 @@ pub fn rows_of(array: &PyReadonlyArray1<'_, i64>) -> PyResult<Vec<usize>> {
     checked(memory::collect(array.as_slice()?.iter().copied().map(index)))
 }
 
-fn indices(py: Python<'_>, found: impl IntoIterator<Item = usize>) -> PyResult<Bound<'_, PyArray1<i64>>> {
+pub fn indices(py: Python<'_>, found: impl IntoIterator<Item = usize>) -> PyResult<Bound<'_, PyArray1<i64>>> {
     array(py, found.into_iter().map(|i| i as i64))
 }
 
@@ -398,7 +402,10 @@ fn vectors(
     table(py, checked(memory::collect(vectors.into_iter().map(<[f64; 3]>::from)))?)
 }
 
-fn table<T: Element, const N: usize>(py: Python<'_>, rows: Vec<[T; N]>) -> PyResult<Bound<'_, PyArray2<T>>> {
+pub fn table<T: Element, const N: usize>(
+    py: Python<'_>,
+    rows: Vec<[T; N]>,
+) -> PyResult<Bound<'_, PyArray2<T>>> {
     let shape = [rows.len(), N];
     PyArray1::from_vec(py, rows.into_flattened()).reshape(shape)
 }

@@ -14,7 +14,10 @@ mod options;
 mod placements;
 mod pose_graph;
 mod proximity;
+mod registration;
 mod run;
+mod scaled;
+mod scans;
 mod verification;
 
 use pyo3::prelude::*;
@@ -43,6 +46,14 @@ mod _core {
     use super::pose_graph::{optimize_poses, pose_covariances, squared_errors};
     #[pymodule_export]
     use super::proximity::{nearest, nearest_rows, within};
+    #[pymodule_export]
+    use super::registration::{
+        Level, Prepared, Registered, Scan, choose_apart, covariance, register, share_probability, weigh,
+    };
+    #[pymodule_export]
+    use super::scaled::{Scaled, find_scale};
+    #[pymodule_export]
+    use super::scans::{distinct_points, fill_between_rings, find_outliers, shows_layers, suit_voxel};
     #[pymodule_export]
     use super::verification::{FineSurface, Surface, align, places, plane_distances, score_poses, verify};
 

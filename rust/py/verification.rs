@@ -25,6 +25,13 @@ pub struct Surface {
     core: Arc<CoreSurface>,
 }
 
+impl Surface {
+    /// Takes a surface of the core.
+    pub fn of(core: Arc<CoreSurface>) -> Self {
+        Self { core }
+    }
+}
+
 #[pymethods]
 impl Surface {
     #[new]
@@ -248,7 +255,7 @@ fn under_all<T>(poses: &[Rigid], find: impl Fn(&Rigid) -> Result<Vec<T>, Error>)
 }
 
 /// Converts poses. The caller has checked them; finiteness is checked in the copy.
-fn transforms(poses: &PyReadonlyArray3<'_, f64>) -> PyResult<Vec<Rigid>> {
+pub fn transforms(poses: &PyReadonlyArray3<'_, f64>) -> PyResult<Vec<Rigid>> {
     let copy = checked(memory::copied(poses.as_slice()?.as_chunks::<16>().0))?;
     if let Some(row) = copy.iter().position(|pose| !pose.iter().all(|number| number.is_finite())) {
         let remedy = "give finite numbers, and leave the array alone while it is read";

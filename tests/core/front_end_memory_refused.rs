@@ -142,7 +142,8 @@ fn normals_and_voxels() -> Result<()> {
         })?;
         refuse_each_block("number of voxels", 1, || count_voxels(points, size))?;
     }
-    refuse("choice of a voxel", || choose_voxel(&[points, points], 300, &scene.execution))
+    refuse_each_block("choice of a voxel", 1, || choose_voxel(&[points, points], 300, &scene.execution))
+        .map(drop)
 }
 
 #[test]

@@ -8,7 +8,6 @@ from cgroup.datasets import standin_pair
 from cgroup.features import sample_mesh
 from cgroup.io import PointCloud
 from cgroup.registration import assess
-from cgroup.registration.parts import find_parts
 
 PAIR = standin_pair(pixels=70)
 SOURCE, TARGET, T = PAIR.source.points, PAIR.target.points, PAIR.T_target_source
@@ -95,15 +94,3 @@ def test_small_parts_in_a_wide_frame_are_registered_by_their_places(size: float,
     np.testing.assert_allclose(done.T_target_source[:3, :3], T[:3, :3], atol=0.01)
     with pytest.raises(NoConsensusError):
         register(source, _scatter(rng, size)[:32, 1::2].reshape(-1, 3))
-
-
-def test_parts_are_linked_by_neighbors() -> None:
-    rng = np.random.default_rng(0)
-    places = np.array([(x, y, 0) for x in range(0, 60, 10) for y in (0, 10)], dtype=float)
-    points = (places[:, None] + rng.uniform(0, 3, (len(places), 30, 3))).reshape(-1, 3)
-    labels, sizes = find_parts(points, 1.0)
-    assert sizes.tolist() == [30] * len(places)
-    assert all(len(set(rows)) == 1 for rows in labels.reshape(len(places), 30).tolist())
-    bridge = np.column_stack([np.arange(0, 13, 0.5), np.ones((26, 2))])
-    assert find_parts(np.concatenate([points, bridge]), 1.0)[1].tolist() == [86, *[30] * 10]
-    assert len(find_parts(SOURCE, 1.0)[1]) == 0

@@ -13,9 +13,9 @@ from cgroup.datasets import standin_pair
 from cgroup.datasets.generated.worlds import make_world_pair
 from cgroup.errors import CgroupError, InputError
 from cgroup.registration import register
-from cgroup.registration.covariance import covariance_in, deviations_at
-from cgroup.registration.motions import say_motion
+from cgroup.registration.judge import say_motion
 from cgroup.rigid import apply, invert
+from cgroup.rigid.covariance import covariance_in, deviations_at
 from cgroup.rigid.se3 import adjoint, motion, vector_of
 from cgroup.rigid.transforms import axis_of
 

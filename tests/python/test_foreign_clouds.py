@@ -19,8 +19,8 @@ from public_calls import Call, called_names, public_calls
 import cgroup
 from cgroup import features
 from cgroup.errors import InputError
+from cgroup.fronts.scan import as_scan
 from cgroup.plots import keypoints_figure, registration_figure
-from cgroup.registration.scan import as_scan
 from cgroup.types import PointCloud
 
 

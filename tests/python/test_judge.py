@@ -1,28 +1,17 @@
 """What a pose is trusted for: numbers by hand, at and beside every bound."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from cgroup._core import weigh
 from cgroup.datasets import standin_pair
 from cgroup.registration import prepare
-from cgroup.registration.evidence import Evidence
-from cgroup.registration.judge import (
-    Case,
-    Found,
-    bound_by_motions,
-    choose_apart,
-    differ,
-    judge,
-    lead_over_chance,
-    misfit,
-    rank,
-    share_probability,
-    weigh,
-)
+from cgroup.registration.judge import Case, Found, bound_by_motions, choose_apart, judge, share_probability
 from cgroup.types import Correspondences
 from strategies import rigid
 
@@ -39,9 +28,12 @@ def poses(*changes: tuple[float, float]) -> np.ndarray:
     return np.array(made)
 
 
-def test_poses_differ_beyond_ten_degrees_or_eight_voxels() -> None:
-    near_and_far = poses((0, 0), (9.9, 0), (10.1, 0), (0, 15.9), (0, 16.1), (9.9, 15.9))
-    assert differ(near_and_far, 0, CENTER, 2.0).tolist() == [False, False, True, False, True, False]
+@pytest.mark.parametrize(
+    ("change", "differs"),
+    [((9.9, 0), False), ((10.1, 0), True), ((0, 15.9), False), ((0, 16.1), True), ((9.9, 15.9), False)],
+)
+def test_poses_differ_beyond_ten_degrees_or_eight_voxels(change: tuple[float, float], differs: bool) -> None:
+    assert choose_apart(poses((0, 0), change), CENTER, 2.0) == ([0, 1] if differs else [0])
 
 
 def test_poses_apart_are_chosen_from_the_first() -> None:
@@ -51,71 +43,69 @@ def test_poses_apart_are_chosen_from_the_first() -> None:
 
 
 def case(
-    score: float = 1.0, support: int = 19, misfit: float = 1.0, crossed: float = 0.0, **evidence: float
+    score: float = 1.0,
+    support: int = 19,
+    misfit: float = 1.0,
+    crossed: float = 0.0,
+    cells: float = 50.0,
+    planes: int = 4,
 ) -> Case:
-    told = {"cells": 50.0, "planes": 4} | evidence
-    return Case(score, support, misfit, Evidence(**told, crossed=crossed))
+    return score, support, misfit, cells, planes, crossed
+
+
+def lead_over_chance(case: Case) -> float:
+    """The lead of a pose over poses of unrelated scans, in nats."""
+    score, _, misfit, cells, planes, crossed = case
+    nats = 2.0 * np.log(max(score, 1e-3)) + 2.1 * np.log1p(cells) + 3.0 * np.clip(planes - 4, 0, 3)
+    nats -= 3.0 * np.log(max(misfit, 1.0))
+    return float(nats) if np.isnan(crossed) else float(nats - 5.0 * np.log1p(crossed / 0.02) + 2.8)
+
+
+def lead_over_rivals(case: Case) -> float:
+    """The evidence for a pose, in nats, to be compared with that for other poses of the same scans."""
+    score, support, misfit, cells, planes, crossed = case
+    nats = 4.0 * np.log(max(score, 1e-3)) + 0.5 * np.log1p(min(support, 20)) + 0.8 * np.log1p(cells)
+    nats += 0.6 * np.clip(planes - 4, 0, 3) - 1.5 * np.log(max(misfit, 1.0))
+    return float(nats - 1.5 * np.log1p(np.nan_to_num(crossed) / 0.02))
+
+
+CASES = st.tuples(
+    st.floats(-1, 2),
+    st.integers(0, 100),
+    st.floats(0.1, 100),
+    st.floats(0, 500),
+    st.integers(0, 12),
+    st.floats(0, 1) | st.just(float("nan")),
+)
+
+
+@given(cases=st.lists(CASES, min_size=1, max_size=6), scales=st.integers(1, 9))
+def test_the_probability_is_that_of_the_equations(cases: list[Case], scales: int) -> None:
+    leads = [lead_over_rivals(cases[0]) - lead_over_rivals(rival) for rival in cases[1:]]
+    shares = np.exp(np.clip(1 - np.array(leads), -30, 1))
+    none = scales * np.exp(np.clip(-lead_over_chance(cases[0]), -30, 30))
+    chance, found_shares = share_probability(cases, scales)
+    assert chance == pytest.approx(1 / (1 + none + shares.sum()), rel=1e-9)
+    np.testing.assert_allclose(found_shares, shares, rtol=1e-9)
+    np.testing.assert_allclose(
+        [weigh(one) for one in cases], [lead_over_rivals(one) for one in cases], rtol=1e-9
+    )
 
 
 def test_equal_poses_share_and_none_is_accepted() -> None:
-    one = case()
-    alone, none = share_probability(one, [])
-    assert alone > 0.9
-    assert len(none) == 0
+    assert share_probability([case()])[0] > 0.9
     for rivals in (1, 2, 5):
-        shared, shares = share_probability(one, [case()] * rivals)
-        assert shared <= 1 / (1 + rivals * np.e)
-        np.testing.assert_allclose(shares, np.e)
-    # A rival without any evidence takes nothing away.
-    far = case(score=1e-9, support=0, misfit=50.0, crossed=0.5)
-    assert share_probability(one, [far])[0] == pytest.approx(alone)
-
-
-def test_probability_is_the_share_of_the_evidence() -> None:
-    best, rival = case(support=9), case(score=0.8, support=4, misfit=1.5, crossed=0.02)
-    shared, (share,) = share_probability(best, [rival])
-    assert share == pytest.approx(np.exp(1 - (weigh(best) - weigh(rival))))
-    assert shared == pytest.approx(1 / (1 + np.exp(-lead_over_chance(best)) + share))
-
-
-@pytest.mark.parametrize(
-    ("name", "better", "worse"),
-    [("cells", 60, 20), ("planes", 5, 4), ("misfit", 1, 2), ("crossed", 0, 0.05), ("crossed", 0, np.nan)],
-)
-def test_evidence_has_the_sign_that_one_expects(name: str, better: Any, worse: Any) -> None:
-    assert lead_over_chance(case(**{name: better})) > lead_over_chance(case(**{name: worse}))
-
-
-def test_what_tells_nothing_counts_for_nothing() -> None:
-    assert lead_over_chance(case(planes=0)) == lead_over_chance(case(planes=4))
-    assert weigh(case(misfit=0.3)) == weigh(case(misfit=1.0))  # noise-free clouds win nothing
-    assert weigh(case(support=20)) == weigh(case(support=999))
-    assert weigh(case(crossed=float("nan"))) == weigh(case(crossed=0.0))
-
-
-def test_misfit_and_rank_by_hand() -> None:
-    alignment: Any = SimpleNamespace(residuals=np.r_[0:9, -9, 9], deviations=np.full(11, 0.3))
-    nothing: Any = SimpleNamespace(residuals=np.empty(0), deviations=np.empty(0))
-    expected = 9.0 / np.hypot(0.3, 0.02 * 20)  # the eighth decile is 8
-    assert misfit(alignment, 20.0) == pytest.approx(expected)
-    assert misfit(nothing, 20.0) == 100
-    scores, evidence = np.array([0.5, -1.0, 0.5]), np.array([7, 0, 99])
-    ranks = [
-        np.log(0.5) + 0.75 * np.log(8) - 3 * np.log(expected + 0.1),
-        np.log(1e-3) - 3 * np.log(100.1),
-        np.log(0.5) + 0.75 * np.log(21) - 3 * np.log(expected + 0.1),
-    ]
-    np.testing.assert_allclose(rank(scores, evidence, [alignment, nothing, alignment], 20.0), ranks)
+        assert share_probability([case()] * (1 + rivals))[0] <= 1 / (1 + rivals * np.e)
 
 
 def found(**changes: Any) -> Found:
     """A pose of a sure search."""
     points = np.random.default_rng(0).uniform(-5, 5, size=(900, 3))
-    refined: Any = SimpleNamespace(T_target_source=np.eye(4), open_motion=None)
-    scan: Any = SimpleNamespace(voxels=SimpleNamespace(points=points), voxel=1.0)
     matches = Correspondences(points, points + ([[2.0, 0, 0], [2.001, 0, 0], [0, 0, 0]] * 300))
-    made = Found(refined, poses((90, 0)), 0.95, 0.8, matches, scan, scan)
-    return replace(made, **changes)  # fmt: skip
+    made = Found(
+        np.eye(4), 0.95, poses((90, 0)), 0.8, 0.8, 0.1, None, matches, points, 1.0, lambda: np.eye(6)
+    )
+    return replace(made, **changes)
 
 
 def test_a_pose_that_leaves_two_motions_open_is_not_trusted() -> None:

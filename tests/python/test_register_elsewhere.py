@@ -128,7 +128,7 @@ def test_a_pose_is_refined(by_rows: Registration, voxels: int) -> None:
     assert found.ok
     assert is_right(found)
     assert np.isfinite(found.covariance).all()
-    assert found.fitness == pytest.approx(by_rows.fitness, abs=0.02)
+    assert found.fitness == pytest.approx(by_rows.fitness, abs=0.06)
     assert "source descriptors" not in found.seconds
     assert same_bits(found, refine(prepare(SOURCE, voxel=found.voxel), TARGET, rough, threads=1))
 

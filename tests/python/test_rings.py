@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from cgroup.datasets import standin_pair
-from cgroup.registration.rings import Rings, fill_between_rings, find_rings
-from cgroup.registration.scan import as_scan
+from cgroup.features import within
+from cgroup.registration import prepare
 from cgroup.rigid import apply
 from cgroup.types import PointCloud
+from reference.rings import fill_between_rings
 from strategies import random_motion
 
 ROOM = np.array([4.0, 3.0, 1.4])
@@ -28,32 +29,31 @@ def spin(
     return rays * (ranges + noise * np.random.default_rng(0).normal(size=len(rays)))[:, None]
 
 
-def rings_of(points: np.ndarray) -> Rings | None:
-    return find_rings(points, as_scan("source", points).axes)
+def filled(cloud: np.ndarray | PointCloud) -> np.ndarray:
+    """Return the points of a prepared scan."""
+    normals = "given" if isinstance(cloud, PointCloud) else "pca"
+    return np.asarray(prepare(cloud, normals=normals).scan.cloud.points)
 
 
 @pytest.mark.parametrize("beams", [8, 16, 32])
 @pytest.mark.parametrize("noise", [0.0, 0.02])
-def test_rings_are_told_wherever_the_scanner_stands(beams: int, noise: float) -> None:
+def test_rings_are_filled_in_wherever_the_scanner_stands(beams: int, noise: float) -> None:
     rng = np.random.default_rng(beams)
     points = spin(beams, noise=noise, place=tuple(rng.uniform(-0.7, 0.7, size=3) * ROOM))
-    order = rng.permutation(len(points))
-    rings = rings_of(apply(random_motion(rng, 20.0), points)[order])
-    assert rings is not None
-    labels = np.empty(len(points), dtype=int)
-    labels[order] = rings.labels
-    labels = labels.reshape(beams, -1)
-    assert (labels == labels[:, :1]).all()
-    assert sorted(labels[:, 0]) == list(range(beams))
-    np.testing.assert_allclose(rings.ranges, np.linalg.norm(points, axis=1)[order], atol=0.02)
+    expected = fill_between_rings(points.reshape(beams, -1, 3))
+    order, motion = rng.permutation(len(points)), random_motion(rng, 20.0)
+    found = filled(apply(motion, points)[order])[len(points) :]
+    near = within(apply(np.linalg.inv(motion), found), expected, 1e-4)
+    assert abs(len(found) - len(expected)) <= 0.01 * len(expected)
+    assert near.mean() > 0.98  # but for lines to the other of two points as near in angle
 
 
 def test_what_is_filled_in_lies_on_the_walls() -> None:
     points = spin(16)
-    filled = fill_between_rings(as_scan("source", points)).cloud.points
-    np.testing.assert_array_equal(filled[: len(points)], points)
-    assert len(filled) > 3 * len(points)
-    depth = np.abs(np.abs(filled) - ROOM).min(axis=1)  # from the nearest wall
+    found = filled(points)
+    np.testing.assert_array_equal(found[: len(points)], points)
+    assert len(found) > 3 * len(points)
+    depth = np.abs(np.abs(found) - ROOM).min(axis=1)  # from the nearest wall
     assert (depth < 1e-9).mean() > 0.85
     assert depth.max() < 0.6  # across an edge of the room
 
@@ -62,9 +62,23 @@ def test_rings_of_two_surfaces_are_not_joined() -> None:
     points = spin(16)
     above = points[:, 2] > 0
     points[above] *= 4  # as if a wall stood behind a parapet
-    filled = fill_between_rings(as_scan("source", points)).cloud.points
-    sizes = np.abs(filled / ROOM).max(axis=1)
+    sizes = np.abs(filled(points) / ROOM).max(axis=1)
     assert ((sizes < 1.01) | (sizes > 3.5)).mean() > 0.97
+
+
+@pytest.mark.parametrize("deviation", [0.0001, 0.0005])
+def test_rings_are_found_though_elevations_vary(deviation: float) -> None:
+    """As those of a scanner that moves, or of coarse angles."""
+    points = spin(16, noise=0.01, place=(1.0, -0.5, 0.2))
+    rng = np.random.default_rng(1)
+    across = np.cross(points, [0, 0, 1.0])
+    points += (
+        deviation
+        * rng.normal(size=(len(points), 1))
+        * np.cross(across, points)
+        / np.linalg.norm(across, axis=1)[:, None]
+    )
+    assert len(filled(points)) > 3 * len(points)
 
 
 @pytest.mark.parametrize(
@@ -79,10 +93,5 @@ def test_rings_of_two_surfaces_are_not_joined() -> None:
     ids=["depth image", "64 beams", "station", "ball", "with normals"],
 )
 def test_other_clouds_are_left_alone(cloud: np.ndarray | PointCloud) -> None:
-    scan = as_scan("source", cloud)
-    assert fill_between_rings(scan) is scan
-
-
-def test_few_points_have_no_rings() -> None:
-    for points in (np.eye(3), np.zeros((30, 3)), np.ones((30, 1)) * np.arange(3.0)):
-        assert find_rings(points, np.eye(3)) is None
+    points = cloud.points if isinstance(cloud, PointCloud) else cloud
+    assert len(filled(cloud)) == len(points)

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from cgroup.datasets import standin_pair
+from cgroup.fronts.scan import as_scan, without_strays
 from cgroup.registration import PreparedScan, prepare, register
-from cgroup.registration.scan import MOST_STRAYS, as_scan, without_strays
 from cgroup.rigid import apply
+from reference.outliers import find_outliers
 
 PAIR = standin_pair(pixels=80)
 SOURCE, TARGET = PAIR.source.points, PAIR.target.points
@@ -45,17 +46,32 @@ def test_strays_are_counted_exactly(count: int) -> None:
     directions = rng.normal(size=(count, 3))
     away = directions / np.linalg.norm(directions, axis=1)[:, None] * 1e4 * rng.uniform(1, 9, (count, 1))
     rows = rng.permutation(len(SOURCE) + count)
-    found = without_strays(as_scan("source", np.concatenate([SOURCE, away])[rows]))
-    assert found.strays == count
-    assert {tuple(row) for row in np.asarray(found.cloud.points)} == {tuple(row) for row in SOURCE}
+    scan = prepare(np.concatenate([SOURCE, away])[rows], voxel=4.0).scan
+    assert scan.strays == count
+    assert {tuple(row) for row in np.asarray(scan.cloud.points)} == {tuple(row) for row in SOURCE}
 
 
-def test_a_surface_far_away_is_no_stray() -> None:
-    two = np.concatenate([SOURCE, SOURCE[::3] + np.array([5000.0, 0, 0])])
-    assert without_strays(as_scan("source", two)).strays == 0
-    many = scattered(SOURCE, 2 * MOST_STRAYS, 1000)
-    assert without_strays(as_scan("source", many)).strays == 0
-    assert without_strays(as_scan("source", SOURCE)).strays == 0
+def test_outliers_are_those_of_the_reference() -> None:
+    rng = np.random.default_rng(0)
+    for share in (0.002, 0.01, 0.04):
+        points = scattered(SOURCE, share, 12)
+        points = np.concatenate([points, points[-1] + rng.normal(size=(5, 3))])
+        left = prepare(points, voxel=4.0).scan.cloud.points
+        expected = np.delete(points, find_outliers(points), axis=0)
+        np.testing.assert_array_equal(left, expected)
+
+
+@pytest.mark.parametrize(
+    "points",
+    [
+        np.concatenate([SOURCE, SOURCE[::3] + np.array([5000.0, 0, 0])]),  # another surface
+        scattered(SOURCE, 0.1, 1000),  # too many
+        SOURCE,
+    ],
+    ids=["surface", "many", "none"],
+)
+def test_other_points_far_away_are_no_strays(points: np.ndarray) -> None:
+    assert without_strays(as_scan("source", points)).strays == 0
 
 
 def test_a_small_cloud_gets_enough_voxels_beside_a_huge_one() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 _FEWEST_DIGITS, _MOST_DIGITS = 3, 17
 _EXACT = 1e-9  # part of its extent by which a printed pose may move a cloud elsewhere
@@ -49,6 +49,12 @@ def one_of(count: int, whole: str, total: int) -> str:
     """Format a part: "none of the 41 others", "3 of the 41 others", "all of the 41 others"."""
     some = "all" if count == total and total else str(count or "none")
     return f"{some} of {whole.format(total)}"
+
+
+def say_direction(vector: NDArray[np.float64]) -> str:
+    """Write a direction as a unit vector of two decimals."""
+    x, y, z = np.round(vector / np.linalg.norm(vector), 2) + 0.0  # no -0.00
+    return f"({x:.2f}, {y:.2f}, {z:.2f})"
 
 
 def pose_lines(pose: ArrayLike, middle: ArrayLike | None = None, extent: float | None = None) -> list[str]:

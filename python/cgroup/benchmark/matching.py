@@ -21,6 +21,9 @@ from cgroup.benchmark.problem import (
 from cgroup.benchmark.results import Matched, describe_error
 from cgroup.datasets import MatchingPair, UnrelatedPair
 from cgroup.features import Viewpoint
+from cgroup.fronts.matching import match_both_ways, take_matches
+from cgroup.fronts.paper_front import common_resolution, correspond_by
+from cgroup.fronts.scan import as_scan, usable_normals
 from cgroup.nuisances import apply_nuisance
 from cgroup.registration import (
     DenseFront,
@@ -30,10 +33,7 @@ from cgroup.registration import (
     correspond,
     surface_normals,
 )
-from cgroup.registration.matching import match_both_ways, take_matches
-from cgroup.registration.paper_front import common_resolution, correspond_by
 from cgroup.registration.prepare import UNIT
-from cgroup.registration.scan import as_scan, usable_normals
 from cgroup.rigid import check_rigid
 from cgroup.types import Correspondences, PointCloud
 

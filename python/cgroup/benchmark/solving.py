@@ -33,7 +33,7 @@ from cgroup.benchmark.solver import Solver
 from cgroup.datasets.scan_sets import ScanSet, load_scan_set
 from cgroup.errors import NoConsensusError
 from cgroup.evaluation import match_errors, rotation_error, score_group, score_scene, translation_error
-from cgroup.registration.matching import group_poses
+from cgroup.fronts.matching import group_poses
 from cgroup.registry import METHOD_INFO
 from cgroup.rigid import apply, invert
 from cgroup.rigid.se3 import vector_of

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from cgroup._show.words import say_direction
 from cgroup.cli.documents import Document
 from cgroup.cli.terminal import show_length
 from cgroup.evaluation import PROTOCOLS, alignment_error, rotation_error, translation_error
 from cgroup.evaluation.ground_truth import OVERLAP_WITHIN
 from cgroup.registration import Registration
-from cgroup.registration.motions import say_direction
 from cgroup.rigid import apply, invert
 from cgroup.rigid.transforms import axis_of, split_scale
 from cgroup.types import FloatArray, PointCloud

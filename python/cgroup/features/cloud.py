@@ -19,9 +19,6 @@ from cgroup.types import AnyCloud, BoolArray, IndexArray, RealArray
 
 Value = TypeVar("Value", bound=np.generic)
 
-_MANY = 200_000  # points of which a part shows whether they repeat
-_HASH = np.uint64(0x9E3779B97F4A7C15), np.uint64(29)
-
 
 @dataclass(frozen=True, eq=False)
 class Places:
@@ -62,38 +59,12 @@ class Places:
         return places if self.first is None else self.first[places]
 
 
-def find_distinct(points: RealArray) -> IndexArray | None:
-    """Return the first row of each distinct point, ascending; None if no two coincide."""
-    keys = np.zeros(len(points), dtype=np.uint64)
-    multiplier, shift = _HASH
-    bits = np.dtype(f"u{points.dtype.itemsize}")
-    for axis in range(3):
-        keys += np.ascontiguousarray(points[:, axis] + points.dtype.type(0)).view(bits)  # -0 is 0
-        keys *= multiplier
-        keys ^= keys >> shift
-    # Of many points one in eight: equal ones have equal keys.
-    ordered = np.sort(keys if len(keys) <= _MANY else keys[keys % 8 == 0])
-    if (ordered[1:] != ordered[:-1]).all():
-        return None
-    _, first, inverse = np.unique(keys, return_index=True, return_inverse=True)
-    if (points[first][inverse.reshape(-1)] != points).any():  # two points with the same key
-        first = np.unique(points, axis=0, return_index=True)[1]
-    return None if len(first) == len(points) else np.sort(first)
-
-
-def renumber(points: RealArray, first: IndexArray) -> IndexArray:
-    """Return the row of each point among the distinct ones."""
-    place = np.unique(points, axis=0, return_inverse=True)[1].reshape(-1)
-    rows = np.empty(len(first), dtype=np.int64)
-    rows[place[first]] = np.arange(len(first))
-    return rows[place]
-
-
 class Cloud:
     """A point cloud, checked and indexed once for all functions of `cgroup.features`.
 
     Each of them takes an array too, but then checks, centres and indexes it again. A `Cloud` keeps its
-    search tree, the neighbours within the last three radii, and its resolution: up to 240 bytes per point.
+    search tree, the neighbours within the last three radii, its own axes, and its resolution: up to 264 bytes
+    per point.
     Results are identical to the bit. Threads may share a cloud.
 
     Parameters
@@ -174,10 +145,8 @@ def places_of(points: CloudLike, name: str = "points") -> Places:
 
 
 def _find_places(points: RealArray, core: _core.Cloud, name: str) -> Places:
-    first = find_distinct(points)
-    if first is None:
-        return Places(core)
-    return Places(_core.Cloud(points[first], name), first, renumber(points, first))
+    found = _core.distinct_points(points)
+    return Places(core) if found is None else Places(_core.Cloud(points[found[0]], name), *found)
 
 
 @explain_wrong_calls

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.random import default_rng
 from numpy.typing import ArrayLike
 
+from cgroup import _core
 from cgroup._checks.arrays import as_direction, as_place
 from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.values import as_choice, as_instance, as_length, as_threads
@@ -21,28 +22,11 @@ from cgroup._runtime.workers import count_workers, work_side_by_side
 from cgroup.errors import InputError
 from cgroup.features import Cloud
 from cgroup.features.voxels import choose_thinning
+from cgroup.fronts.scan import as_viewpoint
 from cgroup.maps import settings
 from cgroup.maps.plan_view import Disk, find_layers
 from cgroup.maps.prepared_map import Level, PreparedMap
-from cgroup.registration import Registration
-from cgroup.registration.judge import (
-    Case,
-    Found,
-    are_alternatives,
-    bound_by_motions,
-    bound_by_size,
-    choose_apart,
-    is_accepted,
-    is_sure,
-    judge,
-    share_probability,
-    weigh,
-)
-from cgroup.registration.prepare import DenseFront, Preparation, PreparedScan, as_given
-from cgroup.registration.result import registration_of
-from cgroup.registration.scan import as_viewpoint
-from cgroup.registration.search import EFFORTS, RIVALS, Effort, Search
-from cgroup.registration.similarity import compare_scales
+from cgroup.registration import EFFORTS, DenseFront, Effort, PreparedScan, Registration, pairwise
 from cgroup.rigid import apply
 from cgroup.types import AnyCloud, BoolArray, FloatArray, IndexArray
 
@@ -99,23 +83,25 @@ def locate(
     direction = None if axis is None else as_direction("axis", axis, "(0, 0, 1)")
     around = as_disk(near, radius)
     clock = StageClock(as_stage_function(progress))
-    given = as_given("scan", scan, as_viewpoint(viewpoint, view_direction), or_stored=True)
-    search = Search("lc", {}, direction, effort, 1, clock)
+    given = pairwise.as_given("scan", scan, as_viewpoint(viewpoint, view_direction), or_stored=True)
+    search = pairwise.Search("lc", {}, direction, effort, 1, clock)
     clock.start("voxels")
     size = choose_thinning(given.whole.cloud, voxels=settings.SCAN_VOXELS, threads=threads)
     fitting, finer = _levels_for(place, size)
 
     def look(level: Level) -> _Locating:
-        shared = Preparation(level.voxel, DenseFront(), as_threads(threads))
-        return _Locating(shared.finish(given, clock.start, by_frames=True), level, search, around)
+        shared = pairwise.Preparation(level.voxel, DenseFront(), as_threads(threads))
+        return _Locating(shared.finish(given, by_frames=True), level, search, around)
 
     locating = look(fitting)
     best = locating.run("low")
-    if not best or not is_accepted(best[0].probability):
-        found = (locating if finer is fitting else look(finer)).run(effort)
-        if found and (not best or found[0].probability > best[0].probability):
+    if not best or not pairwise.is_accepted(best[0][0].probability):
+        locating = locating if finer is fitting else look(finer)
+        found = locating.run(effort)
+        if found and (not best or found[0][0].probability > best[0][0].probability):
             best = found
-    return [_registration_of(found, search) for found in best]
+    found_in = [(found, pairwise.judge(found, locating.source, where, direction)) for found, where in best]
+    return [pairwise.registration_of(found, judgement, clock.stop()) for found, judgement in found_in]
 
 
 def _levels_for(place: PreparedMap, voxel: float) -> tuple[Level, Level]:
@@ -141,14 +127,17 @@ class _Place(NamedTuple):
 
 class _Candidate(NamedTuple):
     pose: FloatArray
-    case: Case
-    found: Found
+    case: pairwise.Case
+    found: pairwise.Found
+    place: PreparedScan
 
 
 class _Locating:
-    def __init__(self, source: PreparedScan, level: Level, search: Search, around: Disk | None) -> None:
-        self._source, self._level, self._search = source, level, search
-        points = source.voxels.points
+    def __init__(
+        self, source: PreparedScan, level: Level, search: pairwise.Search, around: Disk | None
+    ) -> None:
+        self.source, self._level, self._search = source, level, search
+        points = source.points
         away = np.linalg.norm(points - source.scan.centroid, axis=1)
         self._radius = float(np.quantile(away, settings.WITHIN))
         self._candidates: list[_Candidate] = []
@@ -162,10 +151,10 @@ class _Locating:
             reach = float(np.quantile(np.linalg.norm(points, axis=1), settings.WITHIN))
             self._cells = level.around(around.middle, radius + reach + settings.CELL * level.voxel)
 
-    def run(self, effort: Effort) -> list[Found]:
+    def run(self, effort: Effort) -> list[tuple[pairwise.Found, PreparedScan]]:
         """Register the scan to the most similar places until a pose is accepted."""
-        search, workers = replace(self._search, effort=effort), count_workers(self._source.threads)
-        done: list[Found] = []
+        search, workers = replace(self._search, effort=effort), count_workers(self.source.threads)
+        done: list[tuple[pairwise.Found, PreparedScan]] = []
         for tried in count(0, settings.AT_A_TIME):
             search.clock.start("places")
             self._chosen += islice(self._choosing, max(tried + settings.AT_A_TIME - len(self._chosen), 0))
@@ -175,15 +164,18 @@ class _Locating:
             search.clock.start("registration")
             each = max(workers // len(some), 1)
             search = replace(search, threads=each)
-            for found in work_side_by_side(some, partial(self._register, search), workers):
+            for place, found in work_side_by_side(some, partial(self._register, search), workers):
                 if found is not None:
-                    poses = [found.refined.T_target_source, *found.places[1:]]
+                    poses = [found.pose, *found.places[1:]]
                     self._candidates += [
-                        _Candidate(pose, case, found) for pose, case in zip(poses, found.cases, strict=True)
+                        _Candidate(pose, case, found, place)
+                        for pose, case in zip(poses, found.cases, strict=True)
                     ]
             done = self._weigh()
-            enough = is_accepted if tried + settings.AT_A_TIME >= settings.ENOUGH else is_sure
-            if done and enough(done[0].probability):
+            enough = (
+                pairwise.is_accepted if tried + settings.AT_A_TIME >= settings.ENOUGH else pairwise.is_sure
+            )
+            if done and enough(done[0][0].probability):
                 break
         return done
 
@@ -195,16 +187,16 @@ class _Locating:
         if self._level.count(self._cells) <= settings.WHOLE:
             yield _Place(self._cells, np.concatenate(seen) if seen else None)
             return
-        middle = self._source.scan.centroid[None]
+        middle = self.source.scan.centroid[None]
         for poses in seen:
             yield _Place(self._cells_around(apply(poses[0], middle)[0]), poses)
         yield from self._places_alike()
 
     def _poses_from_above(self) -> list[FloatArray]:
         """Return poses that align walls and floors of the scan with those of the map in plan view."""
-        axis, source = self._search.axis, self._source
+        axis, source = self._search.axis, self.source
         plan = self._level.plan(axis)
-        layers = find_layers(source.voxels.points, source.normals, axis)
+        layers = find_layers(source.points, source.normals, axis)
         if plan is None or layers is None:
             return []
         seen = plan.propose(layers, self._origins, source.threads)
@@ -212,7 +204,7 @@ class _Locating:
 
     def _places_alike(self) -> Iterator[_Place]:
         """Yield separate places with descriptors similar to those of the scan."""
-        described = self._source.described
+        described = self.source.described
         rows = default_rng(0).permutation(len(described))
         away = np.linalg.norm(described.points[rows] - described.centroid, axis=1)
         most = int(np.clip(settings.COMPARISONS / len(self._level.voxels), *settings.COMPARED))
@@ -231,13 +223,15 @@ class _Locating:
         return self._level.around(middle, settings.AROUND * self._radius)
 
     def _register(
-        self, search: Search, place: _Place, stop_with_the_others: Callable[[], None]
-    ) -> Found | None:
+        self, search: pairwise.Search, place: _Place, stop_with_the_others: Callable[[], None]
+    ) -> tuple[PreparedScan, pairwise.Found | None]:
         stop_with_the_others()
         clock = StageClock(lambda _: stop_with_the_others())
-        allows = None if self._origins is None else self._may_be
-        search = replace(search, clock=clock, proposed=place.proposed, allows=allows)
-        return search.run(self._source, self._level.crop(place.cells, search.threads))
+        wanted, slack = self._origins, settings.SLACK * self.source.voxel
+        region = None if wanted is None else pairwise.Region(wanted.middle, wanted.radius + slack)
+        search = replace(search, clock=clock, proposed=place.proposed, region=region)
+        target = self._level.crop(place.cells, search.threads)
+        return target, search.run(self.source, target)
 
     def _may_be(self, poses: FloatArray) -> BoolArray:
         """Return the mask of poses whose origin is in the searched disk."""
@@ -245,36 +239,34 @@ class _Locating:
         if wanted is None:
             return np.ones(len(poses), dtype=bool)
         away = np.linalg.norm(poses[:, :3, 3] - wanted.middle, axis=1)
-        return away <= wanted.radius + settings.SLACK * self._source.voxel
+        return away <= wanted.radius + settings.SLACK * self.source.voxel
 
-    def _weigh(self) -> list[Found]:
+    def _weigh(self) -> list[tuple[pairwise.Found, PreparedScan]]:
         """Divide the probability among the poses of all places; return the best first."""
-        ranked = sorted(self._candidates, key=lambda candidate: -weigh(candidate.case))
+        ranked = sorted(self._candidates, key=lambda candidate: -_core.weigh(candidate.case))
         if not ranked:
             return []
         poses = np.array([candidate.pose for candidate in ranked])
-        rows = choose_apart(poses, self._source.scan.centroid, self._source.voxel)[: 1 + RIVALS]
-        best, *rivals = (ranked[row] for row in rows)
-        chance, shares = share_probability(best.case, [rival.case for rival in rivals])
-        chance = bound_by_motions(chance, best.found.motions)
-        chance = bound_by_size(chance, best.found.source, best.found.target)
-        alike = np.flatnonzero(are_alternatives(chance, shares)).tolist()
-        places = [(best, chance), *((rivals[row], chance * min(float(shares[row]), 1.0)) for row in alike)]
-        return [
-            replace(
-                one.found,
-                refined=replace(one.found.refined, T_target_source=one.pose),
-                probability=probability,
-                alternatives=np.array([other.pose for other, _ in places if other is not one]).reshape(
-                    -1, 4, 4
-                ),
-            )
-            for one, probability in places
+        rows = pairwise.choose_apart(poses, self.source.scan.centroid, self.source.voxel)[
+            : 1 + settings.RIVALS
         ]
+        best, *rivals = (ranked[row] for row in rows)
+        chance, shares = pairwise.share_probability([best.case, *(rival.case for rival in rivals)])
+        chance = pairwise.bound_by_motions(chance, best.found.motions)
+        chance = pairwise.bound_by_size(chance, self.source, best.place) * best.found.scale_factor
+        alike = np.flatnonzero(pairwise.are_alternatives(chance, shares)).tolist()
+        places = [(best, chance), *((rivals[row], chance * min(float(shares[row]), 1.0)) for row in alike)]
+        done: list[tuple[pairwise.Found, PreparedScan]] = []
+        for one, probability in places:
+            others = [other.pose for other, _ in places if other is not one]
+            alternatives = np.reshape(others, (-1, 4, 4))
+            found = self._refined(one)
+            done.append((replace(found, probability=probability, alternatives=alternatives), one.place))
+        return done
 
-
-def _registration_of(found: Found, search: Search) -> Registration:
-    finished = search.finish(compare_scales(found))
-    assert finished is not None  # noqa: S101 - nor was what it is made of
-    judgement = judge(finished, finished.source, finished.target, search.axis)
-    return registration_of(finished, judgement, search.clock.stop())
+    def _refined(self, one: _Candidate) -> pairwise.Found:
+        """Return the result of a candidate; a rival was not refined with all samples yet."""
+        if one.pose is one.found.pose:
+            return one.found
+        found = pairwise.confirm_pose(self.source, one.place, one.pose, self.source.threads)
+        return replace(found or replace(one.found, pose=one.pose), matches=one.found.matches)

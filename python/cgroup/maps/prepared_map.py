@@ -11,20 +11,21 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from cgroup import features
+from cgroup import _core, features
 from cgroup._checks.arrays import in_double
 from cgroup._checks.calls import explain_wrong_calls
-from cgroup._checks.values import as_length, as_path
+from cgroup._checks.values import as_length, as_path, run_options
 from cgroup._runtime.memory import report_refused_memory
-from cgroup._runtime.progress import as_stage_function, ignore_progress
+from cgroup._runtime.progress import as_stage_function
 from cgroup.errors import InputError
-from cgroup.features import Cloud, DescribedCloud, Voxels
+from cgroup.features import Cloud
+from cgroup.features.voxels import thin
+from cgroup.fronts.scan import Scan, as_scan, as_surface, without_strays
 from cgroup.maps import settings
 from cgroup.maps.map_files import load_arrays, not_a_map, save_arrays
 from cgroup.maps.plan_view import PlanView, find_layers
 from cgroup.registration import DenseFront, PreparedScan
-from cgroup.registration.prepare import LEAST_VOXELS, UNIT, Preparation, assemble
-from cgroup.registration.scan import Scan, as_scan, as_surface, without_strays
+from cgroup.registration.pairwise import LEAST_VOXELS, Preparation
 from cgroup.types import AnyCloud, FloatArray, IndexArray, PointCloud, RealArray
 
 _NOT_DESCRIBED = 1e9  # squared length in place of that of a descriptor
@@ -78,14 +79,11 @@ class Level:
         rows, points = _rows_of(cells, self.voxel_ends), _rows_of(cells, self.point_ends)
         cloud = Cloud(self.points[points], name="place")
         scan = Scan(cloud, None, None, "place", cloud.points)
-        voxels = Voxels(self.voxels[rows], None, np.empty(0, np.int64))
         known = np.flatnonzero(self.descriptors[rows, -1] < _NOT_DESCRIBED)
-        frames, values = self.frames[rows[known]], self.descriptors[rows[known], :-1]
-        described = DescribedCloud(
-            known, voxels.points[known], frames, values, UNIT * self.voxel, scan.centroid
-        )
-        parts = scan, DenseFront(), self.voxel, None, voxels, self.normals[rows], described
-        return assemble(*parts, True, threads)  # noqa: FBT003 - pickle calls it by position
+        described = known.tolist(), self.frames[rows[known]], self.descriptors[rows[known], :-1]
+        voxels = self.voxels[rows], self.normals[rows]
+        core = _core.Prepared.of_parts(scan.core, self.voxel, voxels, described, run_options(threads))
+        return PreparedScan(scan, DenseFront(), self.voxel, None, True, threads, core)  # noqa: FBT003 - a field
 
     def compare(self, descriptors: NDArray[np.float32], radius: float) -> FloatArray:
         """Return the distance of descriptors to those within a radius of each cell, (C,).
@@ -275,20 +273,29 @@ def _describe(cloud: Cloud, voxel: float, threads: int | None, begin: Callable[[
     if len(thinned) < LEAST_VOXELS:
         left = f"{voxel:.4g}, which leaves {len(thinned)} points of a map that is {cloud.diagonal:.4g} across"
         raise InputError("voxel", left, "give a smaller one, or a map of more points")
-    scan = as_scan("cloud", thinned.points)
     shared = Preparation(voxel, DenseFront(), threads)
-    voxels = shared.thin(scan, ignore_progress)
-    normals, frames, values = shared.describe(scan, voxels, None, ignore_progress, by_frames=True)
+    made = shared.prepare(as_scan("cloud", thinned.points), None, by_frames=True, most=2**31)
+    described, voxels = made.described, thin(made.scan.cloud, voxel, threads=threads)
+    frames = np.full((len(voxels), 3, 3), np.nan)
+    frames[described.indices] = described.lrf
+    descriptors = np.zeros((len(voxels), described.descriptors.shape[1] + 1), np.float32)
+    descriptors[:, -1] = _NOT_DESCRIBED
+    descriptors[described.indices, :-1] = described.descriptors
+    descriptors[described.indices, -1] = (described.descriptors**2).sum(axis=1)
     numbers, cells = _number_cells(voxels.points, settings.CELL * voxel)
     order = np.argsort(numbers, kind="stable")
     numbers_of_points = numbers[voxels.indices]
     points = in_double(thinned.points)[np.argsort(numbers_of_points, kind="stable")]
     ends = [np.bincount(each, minlength=len(cells)).cumsum() for each in (numbers, numbers_of_points)]
-    descriptors = np.concatenate([values, (values**2).sum(axis=1, keepdims=True)], axis=1, dtype=np.float32)
-    is_described = np.isfinite(descriptors).all(axis=1) & values.any(axis=1)
-    descriptors[~is_described] = [*[0.0] * values.shape[1], _NOT_DESCRIBED]
     return Level(
-        voxel, points, voxels.points[order], normals[order], frames[order], descriptors[order], cells, *ends
+        voxel,
+        points,
+        made.points[order],
+        made.normals[order],
+        frames[order],
+        descriptors[order],
+        cells,
+        *ends,
     )
 
 

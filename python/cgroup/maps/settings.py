@@ -35,3 +35,4 @@ MARGIN = 2  # cells between a map and the border
 APART, TURNED = 3.0, np.radians(17.0)  # voxels or angle between places
 FLOOR_WITHIN = 10.0  # from a place
 LEAST_FLOOR, MOST_FLOORS = 0.2, 4  # share of the largest floor's voxels that another has
+RIVALS = 6  # other poses that share the probability

@@ -7,9 +7,12 @@ evaluation: normals, keypoints, local reference frames, descriptors, matches.
 
 from __future__ import annotations
 
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from cgroup.features import ORIGIN, DescribedCloud, Viewpoint
-from cgroup.registration.matching import match_described
-from cgroup.registration.paper_front import (
+from cgroup.fronts.matching import match_described
+from cgroup.fronts.paper_front import (
     DESCRIPTORS,
     DETECTORS,
     Descriptor,
@@ -20,12 +23,16 @@ from cgroup.registration.paper_front import (
     detect,
     surface_normals,
 )
+from cgroup.fronts.scan import NORMALS, Normals
 from cgroup.registration.prepare import DenseFront, PreparedScan, prepare
-from cgroup.registration.recognition.recognize import Recognized, find_instances, recognize
 from cgroup.registration.register import assess, refine, register, register_many
 from cgroup.registration.result import Registration
-from cgroup.registration.scan import NORMALS, Normals
 from cgroup.registration.search import EFFORTS, Effort
+
+if TYPE_CHECKING:
+    from cgroup.recognition.recognize import Recognized as Recognized
+    from cgroup.recognition.recognize import find_instances as find_instances
+    from cgroup.recognition.recognize import recognize as recognize
 
 __all__ = [
     "DESCRIPTORS",
@@ -57,3 +64,12 @@ __all__ = [
     "register_many",
     "surface_normals",
 ]
+
+_OF_RECOGNITION = ("Recognized", "find_instances", "recognize")
+
+
+def __getattr__(name: str) -> Any:  # noqa: ANN401 - a class or a function
+    """Load names of `cgroup.recognition`, which imports this module, on first use."""
+    if name in _OF_RECOGNITION:
+        return getattr(import_module("cgroup.recognition"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}", name=name)

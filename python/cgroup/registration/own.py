@@ -1,10 +1,11 @@
-"""Matches and descriptors of the user, by the input points of the clouds."""
+"""What the user proposes: matches and descriptors of the input points, or a rough pose."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cgroup import features
 from cgroup._checks.arrays import as_rows, in_double
@@ -13,12 +14,15 @@ from cgroup.errors import InputError
 from cgroup.features import DescribedCloud
 from cgroup.features.matching import as_descriptors
 from cgroup.features.voxels import thin
-from cgroup.registration.matching import frame_poses
+from cgroup.fronts.matching import frame_poses
 from cgroup.registration.prepare import UNIT, PreparedScan
+from cgroup.rigid import check_rigid
 from cgroup.rigid.transforms import are_rigid
-from cgroup.types import Correspondences, IndexArray, RealArray
+from cgroup.types import Correspondences, FloatArray, IndexArray, RealArray
 from cgroup.types.fields import FIELDS, Fields, own_correspondences
 
+ANGLE, RADIUS = 15.0, 0.2  # default error of a rough pose: degrees, and share of the source's diagonal
+MOST_TURNED = 60.0  # angle in degrees beyond which a global search is faster
 _ROWS = "give Correspondences, or (i, j): rows of matched points, such as rows.T of an (n,2) array"
 
 
@@ -64,15 +68,6 @@ def _rows_of(name: str, value: Any, scan: PreparedScan) -> IndexArray:  # noqa: 
     return rows
 
 
-def match_nothing(source: PreparedScan) -> Correspondences:
-    """Return empty matches, for a pose without matches."""
-    nothing = np.empty((0, 3))
-    unit = UNIT * source.voxel
-    return own_correspondences(
-        Fields(nothing, nothing, resolution=unit, source_centroid=source.scan.centroid)
-    )
-
-
 def as_own_descriptors(
     descriptors: object, source: PreparedScan, target: PreparedScan
 ) -> tuple[RealArray, RealArray]:
@@ -114,3 +109,29 @@ def describe_voxels(scan: PreparedScan, values: RealArray) -> DescribedCloud:
     return DescribedCloud(
         rows, points, known.lrf[nearest], values[rows].astype(np.float32), UNIT * scan.voxel, middle
     )
+
+
+def as_nearby(initial: ArrayLike | None, radius: float | None, angle: float | None) -> Nearby | None:
+    """Check a rough pose, if any, and its largest error."""
+    told = {"radius": radius, "angle": angle}
+    given = {name: as_length(name, value) for name, value in told.items() if value is not None}
+    if initial is None:
+        for name, value in given.items():
+            raise InputError(name, f"{value:g}, but no `initial`", "it is the largest error of that pose")
+        return None
+    degrees = given.get("angle", ANGLE)
+    if degrees > MOST_TURNED:
+        raise refusal("angle", angle, f"give {MOST_TURNED:g} degrees at most, or no `initial`")
+    return Nearby(check_rigid(initial, "initial"), degrees, given.get("radius", 0.0))
+
+
+class Nearby(NamedTuple):
+    """A rough pose, and its largest error."""
+
+    pose: FloatArray  # (4,4), pose of the source in the target's frame
+    angle: float  # error of its rotation, in degrees
+    radius: float  # error at the middle of the source; 0 for the default until `around`
+
+    def around(self, source: PreparedScan) -> Nearby:
+        """Return the rough pose with the default radius of a source, unless a radius was given."""
+        return self._replace(radius=self.radius or RADIUS * source.scan.diagonal)

@@ -6,22 +6,19 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from cgroup import features
-from cgroup._checks.arrays import in_double
+from cgroup import _core
 from cgroup._checks.calls import explain_wrong_calls
-from cgroup._checks.values import as_choice, as_instance, as_length
+from cgroup._checks.values import as_choice, as_instance, as_length, run_options
 from cgroup._runtime.memory import report_refused_memory
-from cgroup._runtime.progress import as_stage_function, ignore_progress
+from cgroup._runtime.progress import as_stage_function
 from cgroup._runtime.workers import cached_property
 from cgroup.errors import InputError
-from cgroup.features import Cloud, DescribedCloud, Viewpoint, Voxels
-from cgroup.features.voxels import choose_thinning, thin
-from cgroup.registration.planes import Planes, find_planes, number_cells
-from cgroup.registration.rings import fill_between_rings
-from cgroup.registration.scan import (
+from cgroup.features import Cloud, DescribedCloud, Viewpoint
+from cgroup.features.cloud import core_cloud
+from cgroup.features.voxels import thin
+from cgroup.fronts.scan import (
     NORMALS,
     Normals,
     Scan,
@@ -29,32 +26,22 @@ from cgroup.registration.scan import (
     as_surface,
     as_viewpoint,
     check_sizes,
+    fill_between_rings,
     shows_layers,
     viewpoint_name,
     without_strays,
 )
-from cgroup.types import AnyCloud, FloatArray, IndexArray
+from cgroup.types import AnyCloud, FloatArray
 from cgroup.verification import FineSurface, Surface
-from cgroup.verification.alignment import sample_points
 
 UNIT = 0.4  # unit of the surfaces and of the matches, in voxels
 VOXELS = 5000  # voxels that a cloud is thinned to, about
 LEAST_VOXELS = 100  # voxels below which unrelated clouds fit each other too well by chance
 MOST_VOXELS = 100_000  # voxels beyond which matching each with all others takes more than some 20 seconds
-# Share and number of the voxels that have a normal, below which they are too far apart
-LEAST_PLANES, LEAST_PLANAR_VOXELS = 0.1, 10
 FEW_VOXELS = 20  # voxels below which a cloud is no surface
-# Points below which a voxel chosen by number may be too small. It grows in such steps until a share of the
-# voxels has a normal; a diagonal has more voxels than the last.
-_SPARSE, _USUAL_PLANES, _COARSER, _LEAST_ACROSS = 2000, 0.9, 2**0.25, 5.0
-# Points of a cloud below which voxels begin finer, and by how much: else too few are left
-FEW_POINTS, _FINER_OF_FEW = 300, 0.5
-# Blocks of a surface's box, and along its edge: half of those allowed; and the edge of one, in voxels
-_MOST_BLOCKS, _MOST_ALONG, _BLOCK = 2**29, 2**16, 8 * UNIT
-# Voxels that a cloud gets which is smaller than another, and how much smaller it then is
-_LEAST_OF_EACH, _SIZES_DIFFER = 1000, 2.0
-# Most neighbours of a voxel's plane, and of its descriptor's support
-NORMAL_NEIGHBORS, FEATURE_NEIGHBORS = 30, 100
+FEW_POINTS = 300  # points of a cloud below which it is small
+NORMAL_NEIGHBORS = 30  # most neighbours of a voxel's plane
+PREPARED = 1  # row of the prepared voxel among those of a search
 # Spacings of the surfaces for the last refinement, in voxels: the first at which both clouds have planes
 FINE = (1 / 3, 2 / 3, 4 / 3, 8 / 3, 16 / 3)
 
@@ -84,9 +71,15 @@ class DenseFront:
             as_length(name, getattr(self, name))
 
 
+USUAL = DenseFront()
+
+
 @dataclass(frozen=True, eq=False)
 class PreparedScan:
     """A scan prepared for registration by `prepare`.
+
+    It has levels from coarse to fine voxels, each computed when it is first needed: voxels, normals,
+    descriptors and surfaces. `len` is the number of voxels.
 
     Attributes
     ----------
@@ -95,54 +88,79 @@ class PreparedScan:
     front : DenseFront
         Radii, in voxels.
     voxel : float
-        Edge length of the voxels, in the unit of the points.
+        Edge length of the finest voxels that a search of normal effort uses, in the unit of the points.
     viewpoint : (float, float, float) or None
         Position of the scanner, if known.
-    voxels : Voxels
-        The downsampled cloud.
-    normals : (M,3) array of float64
-        Of the voxels: outwards for a model, towards the viewpoint if those of both scans are known, else to
-        the side of SHOT's z axis; NaN for none.
-    surface : Surface
-        The surface for verification, of unit 0.4 voxel.
     by_frames : bool
         Whether normals are to the side of SHOT's z axis.
     threads : int or None
         Number of threads.
+    core : _core.Prepared
+        The levels.
     """
 
     scan: Scan
     front: DenseFront
     voxel: float
     viewpoint: Viewpoint | None
-    voxels: Voxels
-    normals: FloatArray
-    surface: Surface
     by_frames: bool
     threads: int | None
-    _frames: FloatArray | None = None
+    core: _core.Prepared
     _fine_surfaces: dict[float, FineSurface | None] = field(default_factory=dict)
-    _cells: dict[float, IndexArray] = field(default_factory=dict)
     _thinned: dict[float, FloatArray] = field(default_factory=dict)
 
     def __reduce__(self) -> tuple[Callable[..., PreparedScan], tuple[Any, ...]]:
-        """Pickle the expensive results; surfaces are built again."""
-        parts = self.scan, self.front, self.voxel, self.viewpoint, self.voxels, self.normals
-        return assemble, (*parts, vars(self).get("described"), self.by_frames, self.threads)
+        """Pickle the cloud; the levels are computed again."""
+        return assemble, (self.scan, self.front, self.voxel, self.viewpoint, self.by_frames, self.threads)
+
+    @cached_property
+    def level(self) -> _core.Level:
+        """The finest level of a search of normal effort.
+
+        :meta private:
+        """
+        level, refusal = self.core.level(PREPARED, run_options(self.threads))
+        if level is None:
+            raise refused(self.scan, self.voxel, refusal)
+        return level
+
+    def begin(self) -> PreparedScan:
+        """Compute the level that a search begins with; raise if there is none.
+
+        :meta private:
+        """
+        refusal = self.core.begin(run_options(self.threads))
+        if refusal is not None:
+            raise refused(self.scan, self.voxel, refusal)
+        return self
+
+    @cached_property
+    def points(self) -> FloatArray:
+        """Mean point of each voxel, (M,3)."""
+        return self.level.points
+
+    @cached_property
+    def normals(self) -> FloatArray:
+        """Normals of the voxels, (M,3), NaN for none.
+
+        Outwards for a model, towards the viewpoint if those of both scans are known, else to the side of
+        SHOT's z axis.
+        """
+        return self.level.normals
+
+    @cached_property
+    def surface(self) -> Surface:
+        """The surface of the voxels, of unit 0.4 voxel."""
+        return Surface.of_core(self.level.surface, UNIT * self.voxel)
 
     @cached_property
     def described(self) -> DescribedCloud:
-        """Frames and FPFH of the voxels that have them, computed on first use.
+        """Frames and FPFH of the voxels that have them.
 
-        `DescribedCloud.indices` are rows of `voxels`.
+        `DescribedCloud.indices` are rows of the voxels.
         """
-        shared = Preparation(self.voxel, self.front, self.threads)
-        thinned = features.Cloud(self.voxels.points, name=self.scan.name)
-        frames = shared.find_frames(thinned) if self._frames is None else self._frames
-        values = shared.describe_by_fpfh(thinned, self.normals)
-        rows = np.flatnonzero(np.isfinite(values).all(axis=1) & values.any(axis=1))
-        unit, points = UNIT * self.voxel, self.voxels.points[rows]
-        return DescribedCloud(rows, points, frames[rows], values[rows], unit, self.scan.centroid)
+        rows, frames, values = self.level.described(run_options(self.threads))
+        return DescribedCloud(rows, self.points[rows], frames, values, UNIT * self.voxel, self.scan.centroid)
 
     def fine_surface(self, share: float) -> FineSurface | None:
         """Return the cloud at the spacing of a fraction of the voxel; None if the cloud is too sparse.
@@ -175,8 +193,7 @@ class PreparedScan:
         """
         if self.by_frames:
             return self
-        shared = Preparation(self.voxel, self.front, self.threads)
-        return shared.prepare(self.scan, self.viewpoint, ignore_progress, by_frames=True)
+        return assemble(self.scan, self.front, self.voxel, self.viewpoint, True, self.threads)  # noqa: FBT003 - as pickle
 
     @cached_property
     def shows_layers(self) -> bool:
@@ -186,40 +203,12 @@ class PreparedScan:
         """
         return self.viewpoint is not None and shows_layers(self.scan, self.viewpoint, self.voxel)
 
-    @cached_property
-    def planes(self) -> Planes:
-        """Planes of the voxels, the largest first.
-
-        :meta private:
-        """
-        return find_planes(self.voxels.points, self.voxel)
-
-    def cells(self, surface: FineSurface) -> IndexArray:
-        """Return the cell of 4 voxels of each sample of a fine surface; -1 for samples by a plane.
-
-        :meta private:
-        """
-        if surface.spacing not in self._cells:
-            points = sample_points(surface)
-            self._cells[surface.spacing] = number_cells(
-                points, self.planes, self.voxels.points, self.voxel, self.scan.axes
-            )
-        return self._cells[surface.spacing]
-
-    def resized(self, factor: float, begin: Callable[[str], Any] = ignore_progress) -> PreparedScan:
-        """Prepare the same scan with voxels of another size, a factor of the current one.
-
-        :meta private:
-        """
-        finer = Preparation(factor * self.voxel, self.front, self.threads)
-        return finer.prepare(self.scan, self.viewpoint, begin, by_frames=self.by_frames)
-
     def __len__(self) -> int:
         """Return the number of voxels."""
-        return len(self.voxels)
+        return len(self.level)
 
     def __repr__(self) -> str:
-        return f"PreparedScan(points={len(self.scan.cloud)}, voxels={len(self)}, voxel={self.voxel:.4g})"
+        return f"PreparedScan(points={len(self.scan.cloud)}, voxel={self.voxel:.4g})"
 
 
 def assemble(
@@ -227,42 +216,35 @@ def assemble(
     front: DenseFront,
     voxel: float,
     viewpoint: Viewpoint | None,
-    voxels: Voxels,
-    normals: FloatArray,
-    described: DescribedCloud | None,
     by_frames: bool,  # noqa: FBT001 - pickle calls it by position
     threads: int | None,
-    frames: FloatArray | None = None,
+    most: int = MOST_VOXELS,
 ) -> PreparedScan:
-    """Build a scan with its surface, and with its descriptors if they are known."""
-    surface = Surface(
-        voxels.points,
-        normals,
-        unit=UNIT * voxel,
-        viewpoint=viewpoint,
-        oriented=not by_frames,
-        threads=threads,
-    )
-    made = PreparedScan(scan, front, voxel, viewpoint, voxels, normals, surface, by_frames, threads, frames)
-    if described is not None:
-        vars(made)["described"] = described
-    return made
+    """Prepare a scan; no level is computed yet."""
+    radii = front.normal_radius, front.support, front.frame_radius
+    core = _core.Prepared(scan.core, voxel, radii, viewpoint, by_frames, most)
+    return PreparedScan(scan, front, voxel, viewpoint, by_frames, threads, core)
 
 
-def fine_surfaces(
-    source: PreparedScan, target: PreparedScan, shares: Sequence[float] = FINE
-) -> tuple[FineSurface, FineSurface]:
-    """Return the fine surfaces of both scans, at the first spacing that suits the sparser one."""
-    for share in shares:
-        both = source.fine_surface(share), target.fine_surface(share)
-        if both[0] is not None and both[1] is not None:
-            return both[0], both[1]
-    raise InputError(
-        "voxel",
-        f"{source.voxel:.4g}, at which source or target has too few points next to each other for the "
-        "last refinement",
-        "give a larger `voxel`",
-    )
+def refused(scan: Scan, voxel: float, refusal: tuple[str, int, int] | None) -> InputError:
+    """Return the error for a scan without a level."""
+    kind, count, total = refusal or ("few", 0, 0)
+    if kind == "not planar":
+        return InputError(
+            scan.name,
+            remedy=(
+                f"{count} of its {total} voxels of {voxel:.4g} have neighbours that fix a plane; the "
+                "points lie too far apart for such voxels, or on a line: give a larger `voxel`, or a cloud "
+                "of a surface"
+            ),
+        )
+    voxels = "1 voxel" if count == 1 else f"{count} voxels"
+    left = f"{len(scan.cloud)} points, {scan.diagonal:.4g} across, fill {voxels} of size {voxel:.4g}"
+    if kind == "many":
+        return InputError(scan.name, remedy=f"{left}; {MOST_VOXELS} are allowed: give a larger `voxel`")
+    finer = ", a smaller `voxel`, or both clouds in the same unit"
+    finer = "" if len(scan.cloud) < 1.5 * FEW_VOXELS else finer
+    return InputError(scan.name, remedy=f"{left}; {FEW_VOXELS} are needed: give more points{finer}")
 
 
 @report_refused_memory()
@@ -299,7 +281,7 @@ def prepare(
     Returns
     -------
     PreparedScan
-        Voxels, normals and surface; descriptors are computed when they are first needed.
+        With the level that a search begins with; finer ones are computed when they are first needed.
 
     Examples
     --------
@@ -322,10 +304,13 @@ def prepare(
         scan = fill_between_rings(without_strays(scan))
     else:
         scan = as_model("cloud", cloud, normals)
-    radii = DenseFront() if front is None else as_instance("front", front, DenseFront)
+    radii = USUAL if front is None else as_instance("front", front, DenseFront)
     shared = Preparation(_choose_voxel([scan], voxel, threads), radii, threads)
-    by_frames = viewpoint is None and normals == "pca"
-    return shared.prepare(scan, viewpoint, as_stage_function(progress), by_frames=by_frames)
+    begin = as_stage_function(progress)
+    begin("levels")
+    made = shared.prepare(scan, viewpoint, by_frames=viewpoint is None and normals == "pca")
+    _ = made.level  # raises if it is not a surface
+    return made.begin()
 
 
 class Given(NamedTuple):
@@ -373,114 +358,20 @@ class Preparation(NamedTuple):
     front: DenseFront
     threads: int | None
 
-    def finish(
-        self,
-        given: Given,
-        begin: Callable[[str], Any],
-        *,
-        by_frames: bool | None = None,
-        with_descriptors: bool = True,
-    ) -> PreparedScan:
+    def finish(self, given: Given, *, by_frames: bool | None = None) -> PreparedScan:
         """Prepare a scan, unless it is prepared; with normals by SHOT's frames if a partner needs them."""
-        turned, role = given.by_frames if by_frames is None else by_frames, f"{given.name} "
+        turned = given.by_frames if by_frames is None else by_frames
         if isinstance(given.scan, PreparedScan):
-            ready = given.scan.turned_by_frames if turned else given.scan
-        else:
-            ready = self.prepare(given.scan, given.viewpoint, begin, by_frames=turned, role=role)
-        if with_descriptors and "described" not in vars(ready):
-            begin(f"{role}descriptors")
-            _ = ready.described
-        return ready
+            return given.scan.turned_by_frames if turned else given.scan
+        return self.prepare(given.scan, given.viewpoint, by_frames=turned)
 
     def prepare(
-        self,
-        scan: Scan,
-        viewpoint: ArrayLike | None,
-        begin: Callable[[str], Any],
-        *,
-        by_frames: bool,
-        role: str = "",
+        self, scan: Scan, viewpoint: ArrayLike | None, *, by_frames: bool, most: int = MOST_VOXELS
     ) -> PreparedScan:
         """Prepare a scan, with normals oriented by frames or by the viewpoint, or with its own."""
         scan = scan.sampled(self.voxel)
         eye = None if viewpoint is None else scan.viewpoint(viewpoint)
-        voxels = self.thin(scan, begin, with_normals=not by_frames and eye is None, role=role)
-        _check_most_voxels(scan, self.voxel, len(voxels))
-        thinned = features.Cloud(voxels.points, name=scan.name)
-        normals, frames = self.orient(scan, voxels, thinned, eye, begin, by_frames=by_frames, role=role)
-        begin(f"{role}surface")
-        parts = scan, self.front, self.voxel, eye, voxels, normals, None
-        return assemble(*parts, by_frames, self.threads, frames)
-
-    def thin(
-        self, scan: Scan, begin: Callable[[str], Any], *, with_normals: bool = False, role: str = ""
-    ) -> Voxels:
-        """Downsample a scan to voxels, with its own normals if requested."""
-        begin(f"{role}voxels")
-        given = scan.normals if with_normals else None
-        voxels = thin(scan.cloud, self.voxel, normals=given, threads=self.threads)
-        _check_least_voxels(scan, self.voxel, len(voxels))
-        return voxels
-
-    def describe(
-        self,
-        scan: Scan,
-        voxels: Voxels,
-        eye: Viewpoint | None,
-        begin: Callable[[str], Any],
-        *,
-        by_frames: bool,
-        role: str = "",
-    ) -> tuple[FloatArray, FloatArray, NDArray[np.float32]]:
-        """Return normals, frames and FPFH of voxels: (M,3), (M,3,3), (M,33)."""
-        thinned = features.Cloud(voxels.points, name=scan.name)
-        normals, frames = self.orient(scan, voxels, thinned, eye, begin, by_frames=by_frames, role=role)
-        begin(f"{role}descriptors")
-        frames = self.find_frames(thinned) if frames is None else frames
-        return normals, frames, self.describe_by_fpfh(thinned, normals)
-
-    def orient(
-        self,
-        scan: Scan,
-        voxels: Voxels,
-        thinned: Cloud,
-        eye: Viewpoint | None,
-        begin: Callable[[str], Any],
-        *,
-        by_frames: bool,
-        role: str,
-    ) -> tuple[FloatArray, FloatArray | None]:
-        """Return normals (M,3) of voxels, and frames (M,3,3) if these orient the normals."""
-        begin(f"{role}normals")
-        normals = features.normals(
-            thinned,
-            radius=self.front.normal_radius * self.voxel,
-            neighbors=NORMAL_NEIGHBORS,
-            viewpoint=scan.centroid if eye is None else eye,
-            threads=self.threads,
-        )
-        _check_normals(scan, self.voxel, normals)
-        frames = None
-        outwards = voxels.normals
-        if outwards is None and by_frames:
-            begin(f"{role}frames")
-            frames = self.find_frames(thinned)
-            outwards = frames[:, 2]
-        if outwards is not None:
-            normals *= _signs(normals, outwards)[:, None]
-        return normals, frames
-
-    def find_frames(self, thinned: Cloud) -> FloatArray:
-        """Return SHOT's frames of voxels, (M,3,3)."""
-        radius = self.front.frame_radius * self.voxel
-        return features.shot_lrf(thinned, np.arange(len(thinned)), radius=radius, threads=self.threads)
-
-    def describe_by_fpfh(self, thinned: Cloud, normals: FloatArray) -> NDArray[np.float32]:
-        """Return FPFH of voxels, (M,33)."""
-        radius = self.front.support * self.voxel
-        return features.fpfh(
-            thinned, normals, radius=radius, max_neighbors=FEATURE_NEIGHBORS, threads=self.threads
-        )
+        return assemble(scan, self.front, self.voxel, eye, by_frames, self.threads, most)
 
 
 def agree(
@@ -495,7 +386,7 @@ def agree(
     if prepared:
         return Preparation(_shared_voxel(prepared, voxel), prepared[0].front, threads)
     size = _choose_voxel([one.whole for one in given], voxel, threads)
-    return Preparation(size, DenseFront() if front is None else front, threads)
+    return Preparation(size, USUAL if front is None else front, threads)
 
 
 def _refuse_late_options(
@@ -525,59 +416,10 @@ def _choose_voxel(scans: Sequence[Scan], voxel: float | None, threads: int | Non
     """Return the given voxel, or one that suits all scans, including the sparsest and the widest."""
     if voxel is not None:
         return as_length("voxel", voxel)
-    few = min(len(scan.cloud) for scan in scans) < FEW_POINTS
-    return suit_all(scans, _choose_by_number(scans, threads) * (_FINER_OF_FEW if few else 1.0), threads)
-
-
-def suit_all(scans: Sequence[Scan], size: float, threads: int | None) -> float:
-    """Return a voxel, or a larger one at which each cloud is a surface."""
-    size = max(size, *(_least_voxel(scan) for scan in scans))
-    for scan in sorted(scans, key=lambda scan: len(scan.cloud)):
-        if len(scan.cloud) >= _SPARSE:
-            break
-        coarser = size
-        while coarser < scan.diagonal / _LEAST_ACROSS and not _is_surface(scan, coarser, threads):
-            coarser *= _COARSER
-        if coarser < scan.diagonal / _LEAST_ACROSS:
-            size = coarser
-    return size
-
-
-def _is_surface(scan: Scan, voxel: float, threads: int | None) -> bool:
-    """Return whether most voxels of a cloud have enough neighbours for a plane fit."""
-    voxels = thin(scan.cloud, voxel, threads=threads).points
-    radius = DenseFront.normal_radius * voxel
-    normals = features.normals(voxels, radius=radius, neighbors=NORMAL_NEIGHBORS, threads=threads)
-    return float(np.isfinite(normals[:, 0]).mean()) >= _USUAL_PLANES
-
-
-def _least_voxel(scan: Scan) -> float:
-    """Return the voxel at which the bounding box of a scan has the maximum number of blocks of a surface."""
-    points = scan.cloud.points
-    sides = in_double(points.max(axis=0)) - in_double(points.min(axis=0))
-    voxel = float(sides.max()) / _BLOCK / _MOST_ALONG
-    while np.prod(np.floor(sides / (_BLOCK * voxel)) + 3) > _MOST_BLOCKS:
-        voxel *= _COARSER
-    return voxel
-
-
-def _choose_by_number(scans: Sequence[Scan], threads: int | None) -> float:
-    """Return the usual voxel of all scans, or a smaller one for the smallest scan."""
-
-    def leave(count: int, *scans: Scan) -> float:
-        return choose_thinning(*(scan.cloud for scan in scans), voxels=count, threads=threads)
-
-    usual = leave(VOXELS, *scans)
-    small, large = (choose(scans, key=lambda scan: scan.diagonal) for choose in (min, max))
-    if large.diagonal < _SIZES_DIFFER * small.diagonal:
-        return usual
-    needed = leave(_LEAST_OF_EACH, small)
-    for most in (MOST_VOXELS // 2, MOST_VOXELS):
-        size = min(usual, max(needed, leave(most, large)))
-        if len(thin(small.cloud, size, threads=threads)) >= LEAST_VOXELS:
-            return size
-    if len(thin(small.cloud, needed, threads=threads)) < LEAST_VOXELS:
-        return size  # too few for any partner
+    size, unlike = _core.suit_voxel([core_cloud(scan.cloud) for scan in scans], run_options(threads))
+    if size is not None:
+        return size
+    small, large = (scans[row] for row in unlike or (0, 0))
     raise InputError(
         f"{small.name}, {large.name}",
         remedy=(
@@ -585,43 +427,3 @@ def _choose_by_number(scans: Sequence[Scan], threads: int | None) -> float:
             "the same unit, or cut the larger down to where the smaller may lie"
         ),
     )
-
-
-def _check_least_voxels(scan: Scan, voxel: float, count: int) -> None:
-    if count < FEW_VOXELS:
-        finer = (
-            ""
-            if len(scan.cloud) < 1.5 * FEW_VOXELS
-            else ", a smaller `voxel`, or both clouds in the same unit"
-        )
-        left = f"{_say_filled(scan, voxel, count)}; {FEW_VOXELS} are needed"
-        raise InputError(scan.name, remedy=f"{left}: give more points{finer}")
-
-
-def _check_most_voxels(scan: Scan, voxel: float, count: int) -> None:
-    if count > MOST_VOXELS:
-        left = f"{_say_filled(scan, voxel, count)}; {MOST_VOXELS} are allowed"
-        raise InputError(scan.name, remedy=f"{left}: give a larger `voxel`")
-
-
-def _say_filled(scan: Scan, voxel: float, count: int) -> str:
-    voxels = "1 voxel" if count == 1 else f"{count} voxels"
-    return f"{len(scan.cloud)} points, {scan.diagonal:.4g} across, fill {voxels} of size {voxel:.4g}"
-
-
-def _check_normals(scan: Scan, voxel: float, normals: FloatArray) -> None:
-    """Raise if a cloud is not a surface at the size of its voxels."""
-    planes = int(np.isfinite(normals).all(axis=1).sum())
-    if planes < max(LEAST_PLANES * len(normals), LEAST_PLANAR_VOXELS):
-        raise InputError(
-            scan.name,
-            remedy=(
-                f"{planes} of its {len(normals)} voxels of {voxel:.4g} have neighbours that fix a plane; the "
-                "points lie too far apart for such voxels, or on a line: give a larger `voxel`, or a cloud "
-                "of a surface"
-            ),
-        )
-
-
-def _signs(normals: FloatArray, towards: FloatArray) -> FloatArray:
-    return np.where(np.einsum("ij,ij->i", normals, towards) < 0, -1.0, 1.0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
@@ -11,23 +11,35 @@ from numpy.typing import ArrayLike
 
 from cgroup._checks.arrays import as_direction
 from cgroup._checks.calls import explain_wrong_calls
-from cgroup._checks.values import as_choice, as_count, as_instance, as_items, as_scale, as_threads, refusal
+from cgroup._checks.values import as_choice, as_instance, as_items, as_scale, as_threads, refusal
 from cgroup._runtime.memory import report_refused_memory
 from cgroup._runtime.progress import StageClock, as_stage_function
 from cgroup._runtime.workers import count_workers, work_side_by_side
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.features import Cloud
+from cgroup.fronts.paper_front import PaperFront
+from cgroup.fronts.scan import as_viewpoint
 from cgroup.group import check_method
-from cgroup.registration.confirm import confirm_pose
-from cgroup.registration.judge import Judgement, is_accepted, judge
-from cgroup.registration.nearby import as_nearby
-from cgroup.registration.own import as_matches, as_own_descriptors
-from cgroup.registration.paper_front import PaperFront
-from cgroup.registration.prepare import DenseFront, Given, PreparedScan, agree, as_given
-from cgroup.registration.result import Registration, registration_of
+from cgroup.registration.judge import Judgement
+from cgroup.registration.own import as_matches, as_nearby, as_own_descriptors
+from cgroup.registration.pairwise import (
+    EFFORTS,
+    DenseFront,
+    Effort,
+    Given,
+    PreparedScan,
+    Registration,
+    Search,
+    agree,
+    as_given,
+    as_pairs,
+    as_viewpoints,
+    confirm_pose,
+    is_accepted,
+    judge,
+    registration_of,
+)
 from cgroup.registration.scale import register_scaled
-from cgroup.registration.scan import as_viewpoint
-from cgroup.registration.search import EFFORTS, Effort, Search
 from cgroup.registry import MethodName
 from cgroup.rigid import apply, check_rigid
 from cgroup.types import AnyCloud, Correspondences
@@ -78,8 +90,9 @@ def register(
         Whole clouds, in the same unit unless `scale` is given. `prepare` a cloud once to register it with
         many.
     voxel : float, optional
-        Edge length of the voxels, in the unit of the points; all other lengths are multiples of it. By
-        default about 4,500 voxels are left on average of all clouds, and at least 1,000 of each.
+        Edge length of the fine voxels, in the unit of the points; all other lengths are multiples of it. The
+        search begins at twice this size. By default about 4,500 fine voxels are left on average of all
+        clouds, and at least 1,000 of each.
     viewpoint : (3,) array_like of float, optional
         Position of the scanner, in the frame of each cloud, if each is a single scan. Points in front of the
         observed surface then count against a pose; this helps most at low overlap. Not for clouds fused from
@@ -92,8 +105,8 @@ def register(
     axis : (3,) array_like of float, optional
         A common direction of all clouds, such as gravity; a pose may tilt it by 10 degrees.
     effort : {"low", "normal", "high"}
-        Length of the search: mutual matches only; all matches if these are not enough; then also finer voxels
-        with the three nearest matches of each.
+        Length of the search at coarse and at fine voxels: mutual matches only; all matches if these are not
+        enough; then also voxels of 0.7 of the fine ones, with the three nearest matches of each.
     front : {"dense", "paper"}, DenseFront or PaperFront
         Source of the matches: every voxel, or the keypoints of a detector, as in `correspond`.
     matches : Correspondences or (i, j), optional
@@ -149,25 +162,24 @@ def register(
     as_choice("effort", effort, EFFORTS)
     clock = StageClock(as_stage_function(progress))
     direction = None if axis is None else as_direction("axis", axis, "(0, 0, 1)")
-    dense, paper = _fronts_of(front)
-    bounds = as_scale("scale", scale)
-    fronts = None if front == "dense" else front
-    _check_alone({"matches": matches, "descriptors": descriptors, "initial": initial, "front": fronts})
-    nearby = as_nearby(initial, radius, angle)
+    dense, paper = _fronts_of(front, {"matches": matches, "descriptors": descriptors, "initial": initial})
+    bounds = None if scale is False else as_scale("scale", scale)
+    is_plain = initial is None and radius is None and angle is None
+    nearby = None if is_plain else as_nearby(initial, radius, angle)
     if initial is not None and (method is not None or options):
         raise InputError("method", remedy="nothing is grouped where `initial` is given; leave it out")
-    chosen = check_method(("lc" if paper is None else "gtm") if method is None else method, options, register)
+    chosen = "lc" if paper is None else "gtm"
+    if method is not None or options:
+        chosen = check_method(chosen if method is None else method, options, register)
     search = Search(chosen, options, direction, effort, as_threads(threads), clock, paper)
+    clock.start("voxel size")
     both = as_viewpoint(viewpoint, view_direction)
-    places = [both if own is None else own for own in (source_viewpoint, target_viewpoint)]
+    given = _as_both(source, target, both, source_viewpoint, target_viewpoint)
     if bounds is not None:
         _refuse_beside_scale(matches=matches, descriptors=descriptors, initial=initial, front=paper)
-        registration, judgement = register_scaled(
-            search, _as_both((source, target), places), voxel, dense, bounds
-        )
+        registration, judgement = register_scaled(search, given, voxel, dense, bounds)
     else:
-        how = {"with_descriptors": initial is None}
-        scans = _prepare_both((source, target), places, voxel, dense, search.threads, clock, **how)
+        scans = _prepare_both(given, voxel, dense, search.threads)
         if nearby is not None:
             search = replace(search, nearby=nearby.around(scans[0]))
         elif matches is not None:
@@ -241,21 +253,22 @@ def assess(
     direction = None if axis is None else as_direction("axis", axis, "(0, 0, 1)")
     given = check_rigid(T_target_source, "T_target_source")
     search = Search("lc", {}, direction, effort, as_threads(threads), clock, proposed=given[None])
+    clock.start("voxel size")
     both = as_viewpoint(viewpoint, view_direction)
-    places = [both if own is None else own for own in (source_viewpoint, target_viewpoint)]
-    scans = _prepare_both((source, target), places, voxel, None, search.threads, clock)
+    clouds = _as_both(source, target, both, source_viewpoint, target_viewpoint)
+    scans = _prepare_both(clouds, voxel, None, search.threads)
     found = search.run(*scans)
     if found is None:
         raise NoConsensusError("no pose that keeps the axis, neither that given nor another")
-    points, best = found.source.voxels.points, found.refined.T_target_source
+    points, best = found.points, found.pose
     moved = float(np.sqrt(((apply(given, points) - apply(best, points)) ** 2).sum(axis=1).mean()))
-    chance = found.probability * 0.5 ** (moved / (MOVED_BY_REFINING * found.source.voxel)) ** 4
+    chance = found.probability * 0.5 ** (moved / (MOVED_BY_REFINING * scans[0].voxel)) ** 4
     judgement = judge(replace(found, probability=chance), *scans, direction)
     notes = judgement.notes
     others = found.alternatives
     if is_accepted(found.probability) and not judgement.ok:
-        far = moved > found.source.scan.cloud.diagonal + found.target.scan.cloud.diagonal
-        where = f"{moved:.3g} away on average over the source, {moved / found.source.voxel:.1f} voxels"
+        far = moved > sum(scan.scan.cloud.diagonal for scan in scans)
+        where = f"{moved:.3g} away on average over the source, {moved / scans[0].voxel:.1f} voxels"
         where = (
             "elsewhere: the pose given leaves the clouds far apart; check its unit and frames"
             if far
@@ -320,9 +333,10 @@ def refine(
     """
     clock, workers = StageClock(as_stage_function(progress)), as_threads(threads)
     given = check_rigid(T_target_source, "T_target_source")
+    clock.start("voxel size")
     both = as_viewpoint(viewpoint, view_direction)
-    places = [both if own is None else own for own in (source_viewpoint, target_viewpoint)]
-    scans = _prepare_both((source, target), places, voxel, None, workers, clock, with_descriptors=False)
+    clouds = _as_both(source, target, both, source_viewpoint, target_viewpoint)
+    scans = _prepare_both(clouds, voxel, None, workers)
     clock.start("verification")
     verified = verify(scans[0].surface, scans[1].surface, given, threads=workers)
     clock.start("refinement")
@@ -409,7 +423,8 @@ def register_many(
     def make_ready(row: int, stop_with_the_others: Callable[[], None]) -> PreparedScan:
         if not clouds[row].is_ready:
             begin(f"scan {row + 1} of {len(clouds)}")
-        return shared.finish(clouds[row], lambda _: stop_with_the_others())
+        stop_with_the_others()
+        return shared.finish(clouds[row]).begin()
 
     def register_one(number: int, stop_with_the_others: Callable[[], None]) -> Registration | None:
         begin(f"pair {number + 1} of {len(wanted)}")
@@ -423,33 +438,27 @@ def register_many(
     return work_side_by_side(range(len(wanted)), register_one, workers)
 
 
-def _prepare_both(
-    clouds: Sequence[PreparedScan | Cloud | AnyCloud],
-    viewpoints: Sequence[ArrayLike | None],
-    voxel: float | None,
-    front: DenseFront | None,
-    threads: int | None,
-    clock: StageClock,
-    *,
-    with_descriptors: bool = True,
-) -> tuple[PreparedScan, PreparedScan]:
-    clock.start("voxel size")
-    given = _as_both(clouds, viewpoints)
-    shared = agree(given, voxel, front, threads)
-    by_frames = any(cloud.by_frames for cloud in given)
-    how = {"by_frames": by_frames, "with_descriptors": with_descriptors}
-    source, target = (shared.finish(one, clock.start, **how) for one in given)
-    return source, target
-
-
 def _as_both(
-    clouds: Sequence[PreparedScan | Cloud | AnyCloud], viewpoints: Sequence[ArrayLike | None]
+    source: PreparedScan | Cloud | AnyCloud,
+    target: PreparedScan | Cloud | AnyCloud,
+    viewpoint: ArrayLike | None,
+    of_source: ArrayLike | None,
+    of_target: ArrayLike | None,
 ) -> tuple[Given, Given]:
-    source, target = (
-        as_given(name, cloud, place, or_stored=True)
-        for name, cloud, place in zip(("source", "target"), clouds, viewpoints, strict=True)
+    """Check two clouds, with a common viewpoint or one of each."""
+    one, other = viewpoint if of_source is None else of_source, viewpoint if of_target is None else of_target
+    return (
+        as_given("source", source, one, or_stored=True),
+        as_given("target", target, other, or_stored=True),
     )
-    return source, target
+
+
+def _prepare_both(
+    given: tuple[Given, Given], voxel: float | None, front: DenseFront | None, threads: int | None
+) -> tuple[PreparedScan, PreparedScan]:
+    shared, (source, target) = agree(given, voxel, front, threads), given
+    by_frames = source.by_frames or target.by_frames
+    return shared.finish(source, by_frames=by_frames), shared.finish(target, by_frames=by_frames)
 
 
 def _register(
@@ -460,20 +469,20 @@ def _register(
     return None if found is None else registration_of(found, judgement, search.clock.stop()), judgement
 
 
-def _fronts_of(front: object) -> tuple[DenseFront | None, PaperFront | None]:
-    """Return the dense front if one is given, and the paper's front if it is used."""
-    if isinstance(front, DenseFront | PaperFront):
-        return (front, None) if isinstance(front, DenseFront) else (None, front)
-    if not isinstance(front, str) or front not in FRONTS:
+def _fronts_of(front: object, others: dict[str, object]) -> tuple[DenseFront | None, PaperFront | None]:
+    """Return the dense front if one is given, and the paper's front if it is used; only one may propose."""
+    if not isinstance(front, str | DenseFront | PaperFront) or (
+        isinstance(front, str) and front not in FRONTS
+    ):
         remedy = f"choose one of {', '.join(FRONTS)}, or give a DenseFront or PaperFront"
         raise refusal("front", front, remedy)
-    return None, None if front == "dense" else PaperFront()
-
-
-def _check_alone(given: Mapping[str, object]) -> None:
+    given = {**others, "front": None if front == "dense" else front}
     names = [name for name, value in given.items() if value is not None]
     if len(names) > 1:
         raise InputError(", ".join(names), remedy="give one of them: each alone proposes the poses")
+    if isinstance(front, str):
+        return None, None if front == "dense" else PaperFront()
+    return (front, None) if isinstance(front, DenseFront) else (None, front)
 
 
 def _refuse_beside_scale(**others: object) -> None:
@@ -483,38 +492,3 @@ def _refuse_beside_scale(**others: object) -> None:
             raise InputError(
                 f"scale, {name}", remedy=f"the scale is estimated from all voxels; leave out `{name}`"
             )
-
-
-def as_pairs(pairs: Iterable[tuple[int, int]], scans: int) -> list[tuple[int, int]]:
-    """Check pairs of rows."""
-    checked: list[tuple[int, int]] = []
-    remedy = "give two rows of scans, source and target"
-    for number, pair in enumerate(as_items("pairs", pairs, f"for each pair {remedy}")):
-        name = f"pairs[{number}]"
-        rows = as_items(name, pair, remedy)
-        if len(rows) != 2:
-            raise refusal(name, pair, remedy)
-        source, target = (as_count(name, row, 0) for row in rows)
-        if max(source, target) >= scans:
-            raise InputError(name, f"{(source, target)}, but there are {scans} scans", "rows begin with 0")
-        checked.append((source, target))
-    return checked
-
-
-def as_viewpoints(
-    viewpoints: Sequence[ArrayLike | None] | None, shared: ArrayLike | None, scans: int
-) -> Sequence[ArrayLike | None]:
-    """Return one viewpoint per scan; check their number if each has its own."""
-    if viewpoints is None:
-        return [shared] * scans
-    if shared is not None:
-        raise InputError(
-            "viewpoint, view_direction, viewpoints",
-            remedy="give one of them: a place, a direction, or one place per scan",
-        )
-    places = as_items("viewpoints", viewpoints, "give one per scan, or None for it")
-    if len(places) != scans:
-        raise InputError(
-            "viewpoints", f"{len(places)} for {scans} scans", "give one per scan, or None for it"
-        )
-    return places

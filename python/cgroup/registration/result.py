@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,22 +11,19 @@ from numpy.typing import ArrayLike
 
 from cgroup import features
 from cgroup._checks.values import as_choice
+from cgroup._runtime.workers import cached_property
 from cgroup._show.drawing import plot
 from cgroup._show.notebook import pose_html, result_table
-from cgroup.registration.covariance import (
-    CONVENTIONS,
-    Convention,
-    covariance_in,
-    covariance_of,
-    deviations_at,
-)
+from cgroup.fronts.matching import scale_matches
 from cgroup.registration.judge import Found, Judgement
-from cgroup.registration.matching import scale_matches
 from cgroup.rigid import apply
+from cgroup.rigid.covariance import CONVENTIONS, Convention, covariance_in, deviations_at
 from cgroup.rigid.transforms import split_scale
 from cgroup.types import AnyCloud, Correspondences, FloatArray, Grouping, PointCloud
 from cgroup.types.point_cloud import as_cloud, join_clouds
 
+SEARCH = "search"  # the stage that the core divides further
+_UNKNOWN = np.full((6, 6), np.nan)
 # Red, green and blue of source and target, if the clouds have no colours
 SCAN_COLORS = (230, 159, 0), (0, 114, 178)
 
@@ -79,11 +76,11 @@ class Registration:
     correspondences : Correspondences
         All matches; the group's mask is aligned with them.
     voxel : float
-        Edge length of the voxels, in the unit of the points.
+        Edge length of the fine voxels, in the unit of the points.
     notes : tuple of str
         Remarks on the pose, one sentence each.
     seconds : dict of str to float
-        Wall time of each stage, in order.
+        Wall time of each stage.
     scale : float
         The scale s: length of the source's unit in the target; 1 unless it was estimated. All lengths above
         are in the target's unit, and `covariance` is that of the source in that unit, at this scale.
@@ -97,7 +94,6 @@ class Registration:
     fitness: float
     target_fitness: float
     inlier_rmse: float
-    covariance: FloatArray
     open_motion: FloatArray | None
     alternatives: FloatArray
     grouping: Grouping
@@ -107,6 +103,18 @@ class Registration:
     seconds: dict[str, float]
     scale: float = 1.0
     scale_deviation: float = 0.0
+    _covariance: FloatArray | Callable[[], FloatArray] = field(
+        default_factory=lambda: np.full((6, 6), np.nan)
+    )
+
+    @cached_property
+    def covariance(self) -> FloatArray:
+        """The covariance, computed when it is first read."""
+        return self._covariance() if callable(self._covariance) else self._covariance
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the fields with the covariance computed, for pickle and copy."""
+        return {**vars(self), "_covariance": self.covariance}
 
     if not TYPE_CHECKING:
 
@@ -275,20 +283,19 @@ def merge_clouds(
 
 def registration_of(found: Found, judgement: Judgement, seconds: dict[str, float]) -> Registration:
     """Return the result of a search that has a pose."""
-    refined = found.refined
     return Registration(
-        T_target_source=refined.T_target_source,
+        T_target_source=found.pose,
         ok=judgement.ok,
         probability=judgement.probability,
         fitness=found.fitness,
         target_fitness=found.target_fitness,
-        inlier_rmse=refined.rmse,
-        covariance=covariance_of(refined, found.source, found.target),
-        open_motion=refined.open_motion,
+        inlier_rmse=found.rmse,
+        open_motion=found.open_motion,
         alternatives=found.alternatives,
         grouping=found.grouping,
         correspondences=found.matches,
-        voxel=found.source.voxel,
+        voxel=found.voxel,
         notes=judgement.notes,
-        seconds=seconds,
+        seconds={stage: value for stage, value in seconds.items() if stage != SEARCH} | found.seconds,
+        _covariance=found.covariance,
     )

@@ -9,9 +9,8 @@ import numpy as np
 
 from cgroup._runtime.progress import StageClock, ignore_progress
 from cgroup.pose_graph import PoseGraph
-from cgroup.registration import PreparedScan
-from cgroup.registration.judge import SURE, is_accepted
-from cgroup.registration.search import Effort
+from cgroup.registration import Effort, PreparedScan
+from cgroup.registration.pairwise import SURE, is_accepted
 from cgroup.rigid import invert
 from cgroup.rigid.se3 import adjoint
 from cgroup.scenes import settings

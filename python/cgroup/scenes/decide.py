@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from cgroup.pose_graph import PoseGraph
-from cgroup.registration.covariance import covariance_in
-from cgroup.registration.judge import ACCEPTED
+from cgroup.registration.pairwise import ACCEPTED
 from cgroup.rigid import invert
+from cgroup.rigid.covariance import covariance_in
 from cgroup.rigid.se3 import about
 from cgroup.scenes import settings
 from cgroup.scenes.agreement import squared_errors, weigh_by_triangles

@@ -8,12 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cgroup import features
-from cgroup._runtime.progress import ignore_progress
-from cgroup.registration import PreparedScan
-from cgroup.registration.judge import choose_apart
-from cgroup.registration.prepare import Preparation
-from cgroup.registration.scan import as_scan
-from cgroup.registration.search import Effort
+from cgroup.fronts.scan import as_scan
+from cgroup.registration import Effort, PreparedScan
+from cgroup.registration.pairwise import Preparation, choose_apart
 from cgroup.rigid import apply, invert
 from cgroup.scenes import settings
 from cgroup.scenes.decide import Decision, log_odds
@@ -47,7 +44,7 @@ def merge_scans(scans: Sequence[PreparedScan], poses: FloatArray) -> PreparedSca
         np.concatenate(moved), settings.FINEST * first.voxel, threads=1
     ).points
     shared = Preparation(first.voxel, first.front, 1)
-    return shared.prepare(as_scan("scans", PointCloud(thinned)), None, ignore_progress, by_frames=True)
+    return shared.prepare(as_scan("scans", PointCloud(thinned)), None, by_frames=True)
 
 
 def link_unions(*scans_and_arguments: Any) -> Link | None:  # noqa: ANN401 - scans, and what follows

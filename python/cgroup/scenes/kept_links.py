@@ -101,8 +101,7 @@ def _unusable(path: Path, reason: str) -> InputError:
 
 
 def _contents(scan: PreparedScan) -> tuple[object, ...]:
-    given = scan.voxel, scan.viewpoint, scan.by_frames, scan.front, scan.scan.cloud.points, scan.scan.normals
-    return *given, scan.voxels.points, scan.normals, scan.described.indices, scan.described.descriptors
+    return scan.voxel, scan.viewpoint, scan.by_frames, scan.front, scan.scan.cloud.points, scan.scan.normals
 
 
 def _digest(*values: object) -> bytes:

@@ -7,11 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cgroup._runtime.progress import StageClock, ignore_progress
-from cgroup.registration import PreparedScan
-from cgroup.registration.confirm import confirm_pose
-from cgroup.registration.covariance import covariance_of
-from cgroup.registration.judge import Found, bound_by_motions, is_accepted, share_probability
-from cgroup.registration.search import Effort, Search
+from cgroup.registration import Effort, PreparedScan
+from cgroup.registration.pairwise import Found, Search, bound_by_motions, confirm_pose, is_accepted
 from cgroup.rigid.se3 import adjoint
 from cgroup.types import FloatArray
 
@@ -68,13 +65,11 @@ def link(
     found = search.run(source, target)
     if found is None:
         return None
-    _, shares = share_probability(found.cases[0], found.cases[1:])
-    chances = found.probability * np.concatenate([[1.0], np.minimum(shares, 1.0)])
-    covariance = covariance_of(found.refined, found.source, found.target)
+    chances = found.probability * np.concatenate([[1.0], np.minimum(found.shares, 1.0)])
     total = chances.sum()
     chances *= bound_by_motions(total, found.motions) / total  # for any best pose
-    places = np.concatenate([found.refined.T_target_source[None], found.places[1:]])
-    return Link(places, chances, covariance, found.fitness, found.target_fitness)
+    places = np.concatenate([found.pose[None], found.places[1:]])
+    return Link(places, chances, found.covariance(), found.fitness, found.target_fitness)
 
 
 def confirm(source: PreparedScan, target: PreparedScan, pose: FloatArray) -> Link | None:
@@ -82,7 +77,7 @@ def confirm(source: PreparedScan, target: PreparedScan, pose: FloatArray) -> Lin
     found = confirm_pose(*_oriented_alike(source, target), pose, 1)
     if found is None:
         return None
-    return _link_of(found, covariance_of(found.refined, found.source, found.target))
+    return _link_of(found, found.covariance())
 
 
 def weigh_pose(source: PreparedScan, target: PreparedScan, pose: FloatArray) -> Link | None:
@@ -93,7 +88,7 @@ def weigh_pose(source: PreparedScan, target: PreparedScan, pose: FloatArray) -> 
 
 def _link_of(found: Found, covariance: FloatArray) -> Link:
     chances = np.array([found.probability])
-    return Link(found.places, chances, covariance, found.fitness, found.target_fitness)
+    return Link(found.pose[None], chances, covariance, found.fitness, found.target_fitness)
 
 
 def _oriented_alike(source: PreparedScan, target: PreparedScan) -> tuple[PreparedScan, PreparedScan]:

@@ -11,8 +11,7 @@ import numpy as np
 from cgroup.errors import InputError
 from cgroup.pose_graph import PoseGraph
 from cgroup.registration import PreparedScan
-from cgroup.registration.covariance import LEAST_DEVIATION
-from cgroup.registration.prepare import FINE
+from cgroup.registration.pairwise import FINE
 from cgroup.rigid import apply
 from cgroup.scenes import settings
 from cgroup.scenes.agreement import squared_errors
@@ -30,7 +29,7 @@ def find_overlapping(
     holders: dict[tuple[int, ...], list[int]] = defaultdict(list)
     sizes = np.zeros(len(scans))
     for row, scan in enumerate(scans):
-        placed = apply(decision.poses[row], scan.voxels.points)
+        placed = apply(decision.poses[row], scan.points)
         cells = np.unique(np.floor(placed / (settings.CELL * scan.voxel)).astype(np.int64), axis=0)
         sizes[row] = len(cells)
         label = int(decision.labels[row])
@@ -125,7 +124,7 @@ def refine_on_union(*scans_and_poses: Any) -> tuple[FloatArray, FloatArray] | No
         found = align(own, union, np.eye(4), threads=1)
         if len(found.residuals) == 0:
             return None
-        noise = found.rmse**2 + (LEAST_DEVIATION * first.voxel) ** 2
+        noise = found.rmse**2 + (settings.LEAST_DEVIATION * first.voxel) ** 2
         weight = settings.HELD * float(np.trace(found.information[3:, 3:]))
         held = weight * np.diag([first.voxel**2] * 3 + [1.0] * 3)
         return found.T_target_source, (found.information + held) / noise

@@ -17,17 +17,15 @@ from cgroup._checks.arrays import as_direction
 from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.values import as_choice, as_items
 from cgroup._runtime.memory import report_refused_memory
-from cgroup._runtime.progress import StageClock, as_stage_function, ignore_progress
+from cgroup._runtime.progress import StageClock, as_stage_function
 from cgroup._runtime.workers import count_workers, work_side_by_side
 from cgroup._show.words import counted
 from cgroup.errors import InputError
 from cgroup.features import Cloud
+from cgroup.fronts.scan import MAX_SIZE_RATIO, as_viewpoint
 from cgroup.io.clouds import find_clouds
-from cgroup.registration import PreparedScan
-from cgroup.registration.prepare import Given, agree, as_given
-from cgroup.registration.register import as_pairs, as_viewpoints
-from cgroup.registration.scan import MAX_SIZE_RATIO, as_viewpoint
-from cgroup.registration.search import EFFORTS, Effort
+from cgroup.registration import EFFORTS, Effort, PreparedScan
+from cgroup.registration.pairwise import Given, agree, as_given, as_pairs, as_viewpoints
 from cgroup.rigid.transforms import as_poses
 from cgroup.scenes.building import SceneBuilder
 from cgroup.scenes.scene import Scene
@@ -136,7 +134,7 @@ def add_scan(scene: Scene, scan: PreparedScan | Cloud | AnyCloud, viewpoint: Arr
     given, row = [*scene.scans, scan], len(scene.scans)
     name = f"scans[{row}]"
     shared = agree([as_given(name, building.scans[0])], None, None, None)._replace(threads=1)
-    ready = shared.finish(as_given(name, scan, viewpoint, or_stored=True), ignore_progress)
+    ready = shared.finish(as_given(name, scan, viewpoint, or_stored=True)).begin()
     names = [*scene.names, *_as_names(None, given)[row:]]
     with open_workers([*building.scans, ready], None) as call:
         return _finish(building.grown(ready, call), [*rows, row], given, names, notes)
@@ -175,7 +173,8 @@ def _prepare_each(
     def prepare(row: int, stop_with_the_others: Callable[[], None]) -> None:
         begin(f"scan {row + 1} of {len(named)}")
         with leaving_out(row):
-            ready[row] = shared.finish(clouds[row], lambda _: stop_with_the_others())
+            stop_with_the_others()
+            ready[row] = shared.finish(clouds[row]).begin()
 
     workers = count_workers(threads)
     work_side_by_side(range(len(named)), check, workers)

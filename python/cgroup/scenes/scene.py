@@ -26,8 +26,8 @@ from cgroup.io.scan_names import list_names, names_file
 from cgroup.pose_graph import PoseGraph
 from cgroup.pose_graph.files import motion_lines
 from cgroup.registration import PreparedScan
-from cgroup.registration.covariance import covariance_in
-from cgroup.registration.result import merge_clouds
+from cgroup.registration.pairwise import merge_clouds
+from cgroup.rigid.covariance import covariance_in
 from cgroup.types import AnyCloud, FloatArray, PointCloud
 from cgroup.types.point_cloud import as_cloud
 

@@ -41,6 +41,7 @@ MOST_NATS_AGAINST, MOST_NATS_OF_UNIONS = 2.0, 10.0  # evidence of one pair, and 
 UNION_ROUNDS = 3  # of refining each scan on the others
 REFINED_PARTNERS = 6  # largest number of partners of each scan, by overlap
 CELL = 3.0  # within which two scans overlap
+LEAST_DEVIATION = 0.01  # of the residuals of a pair
 HELD = 1e-4  # share of the weight of all pairs that holds open motions
 LEAST_SHARED, LEAST_FITNESS = 0.15, 0.1  # shares of cells and of the surface that partners have in common
 EXACT = 0.2  # share of the least deviations of links after joint refinement

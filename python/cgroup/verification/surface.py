@@ -72,6 +72,16 @@ class Surface:
         known = eye is not None if oriented is None else as_flag("oriented", oriented)
         self._core = _core.Surface(rows, directions, run_options(threads), self._unit, eye, known)
 
+    @classmethod
+    def of_core(cls, core: _core.Surface, unit: float) -> Surface:
+        """Wrap a surface of the compiled core.
+
+        :meta private:
+        """
+        made = cls.__new__(cls)
+        made._core, made._unit = core, unit  # noqa: SLF001 - its own
+        return made
+
     @property
     def unit(self) -> float:
         """The unit of all tolerances, in the unit of the points."""

@@ -46,14 +46,21 @@ fn grow(graph: &AgreementGraph, edge: Edge) -> Result<Vec<u32>> {
     let among = graph.common_neighbors(edge.i as usize, edge.j as usize, MOST_CANDIDATES)?;
     let mut left = Candidates::new(&among)?;
     let mut members = vec![edge.i, edge.j];
-    // Upper bound of each candidate's number of connected candidates: it can only fall.
+    // Upper bound of each candidate's number of connected candidates.
     let mut candidates = memory::collect(among.iter().map(|&k| (k, u32::MAX)))?;
     while members.len() < MOST_MEMBERS
         && let Some(best) = left.most_joined(graph, &mut candidates)
     {
         members.push(best);
         left.retain(graph.row(best as usize));
-        candidates.retain(|&(k, _)| left.contains(k));
+        let mut kept = 0;
+        for row in 0..candidates.len() {
+            // Each candidate that is left was connected to the new member. Written first and counted only if it is left.
+            let (vertex, most) = candidates[row];
+            candidates[kept] = (vertex, most.saturating_sub(1));
+            kept += usize::from(left.contains(vertex));
+        }
+        candidates.truncate(kept);
     }
     members.sort_unstable();
     Ok(members)
@@ -87,11 +94,15 @@ impl Candidates {
     /// bound.
     fn most_joined(&self, graph: &AgreementGraph, candidates: &mut [(u32, u32)]) -> Option<u32> {
         let mut best: Option<(u32, u32)> = None;
+        // The one with the greatest bound first: it excludes most of the others.
+        let first = candidates.iter().enumerate().max_by_key(|(_, (_, most))| *most)?.0;
         simd::run(
             #[inline(always)]
             || {
-                for (vertex, most) in candidates.iter_mut() {
-                    if best.is_some_and(|(joined, _)| joined >= *most) {
+                for row in std::iter::once(first).chain(0..candidates.len()) {
+                    let (vertex, most) = &mut candidates[row];
+                    let is_worse = |(joined, other)| joined > *most || (joined == *most && other <= *vertex);
+                    if best.is_some_and(is_worse) {
                         continue;
                     }
                     let row = &graph.row(*vertex as usize)[self.first..];
@@ -100,7 +111,7 @@ impl Candidates {
                         joined += (word & row).count_ones();
                     }
                     *most = joined;
-                    if best.is_none_or(|(most, _)| joined > most) {
+                    if best.is_none_or(|(most, other)| joined > most || (joined == most && *vertex < other)) {
                         best = Some((joined, *vertex));
                     }
                 }

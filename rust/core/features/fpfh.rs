@@ -178,12 +178,14 @@ impl Surface<'_> {
     fn shares(&self, ball: &Ball) -> Result<Vec<Share>> {
         let unit = self.search.radius() * self.search.radius();
         let near = ball.squared_distances().iter().zip(ball.positions());
-        memory::collect(
+        let mut shares = memory::with_capacity(ball.len())?;
+        shares.extend(
             near.filter(|&(&square, _)| square > 0.0).map(|(&square, &position)| Share {
                 position,
                 weight: (unit / square).min(MAX_WEIGHT) as f32,
             }),
-        )
+        );
+        Ok(shares)
     }
 
     /// Sums the neighbours' histograms, weighted by their inverse squared distance.

@@ -121,7 +121,7 @@ pub(super) fn fit(offsets: impl Iterator<Item = Vector3<f64>>, adds_itself: bool
 
 /// Adds `u v^T`, where `u` is a multiple of `v`, as xx, xy, xz, yy, yz, zz.
 #[inline]
-pub(super) fn add_products(products: &mut [f64; 6], u: &Vector3<f64>, v: &Vector3<f64>) {
+pub(crate) fn add_products(products: &mut [f64; 6], u: &Vector3<f64>, v: &Vector3<f64>) {
     let terms = [u.x * v.x, u.x * v.y, u.x * v.z, u.y * v.y, u.y * v.z, u.z * v.z];
     for (sum, term) in products.iter_mut().zip(terms) {
         *sum += term;
@@ -129,7 +129,7 @@ pub(super) fn add_products(products: &mut [f64; 6], u: &Vector3<f64>, v: &Vector
 }
 
 /// The symmetric matrix of xx, xy, xz, yy, yz, zz.
-pub(super) fn symmetric(&[xx, xy, xz, yy, yz, zz]: &[f64; 6]) -> Matrix3<f64> {
+pub(crate) fn symmetric(&[xx, xy, xz, yy, yz, zz]: &[f64; 6]) -> Matrix3<f64> {
     Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
 }
 

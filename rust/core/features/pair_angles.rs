@@ -50,20 +50,23 @@ pub(super) fn count(own: u32, ball: &Ball, normals: &[Vector3<f64>], counts: &mu
         #[inline(always)]
         || {
             let mut pairs = Pairs { line: [[0.0; LANES]; 3], normal: [[0.0; LANES]; 3] };
-            let mut filled = 0;
-            for (offset, &position) in ball.offsets().iter().zip(ball.positions()) {
-                let other = &normals[position as usize];
-                for k in 0..3 {
-                    pairs.line[k][filled] = offset[k];
-                    pairs.normal[k][filled] = other[k];
+            let mut near = ball.offsets().iter().zip(ball.positions());
+            // One call for all: the compiler does not vectorize a second one for the rest.
+            while near.len() > 0 {
+                let mut filled = 0;
+                for (offset, &position) in near.by_ref() {
+                    let other = &normals[position as usize];
+                    for k in 0..3 {
+                        pairs.line[k][filled] = offset[k];
+                        pairs.normal[k][filled] = other[k];
+                    }
+                    filled += usize::from(position != own && !other.x.is_nan());
+                    if filled == LANES {
+                        break;
+                    }
                 }
-                filled += usize::from(position != own && !other.x.is_nan());
-                if filled == LANES {
-                    add(&pairs, filled, &normal, counts);
-                    filled = 0;
-                }
+                add(&pairs, filled, &normal, counts);
             }
-            add(&pairs, filled, &normal, counts);
         },
     );
 }

@@ -8,6 +8,8 @@ use crate::memory;
 use crate::points::Points;
 use crate::simd;
 
+/// Most cells of a grid with one byte per cell: 4 MiB.
+const MAX_BYTES: u64 = 1 << 22;
 /// Most cells of a grid with one bit per cell: 32 MiB.
 const MAX_BITS: u64 = 1 << 28;
 /// Most cells per point for a bit set that is scanned completely.
@@ -24,7 +26,7 @@ const ON_A_FACE: f64 = 1e-9;
 /// Cells numbered along x first.
 pub(super) struct Grid {
     low: [f64; 3],
-    size: f64,
+    per_length: f64,
     cells: [u64; 3],
 }
 
@@ -36,12 +38,13 @@ impl Grid {
     pub fn new(points: &Points, size: f64) -> Result<Self> {
         positive("voxel", size)?;
         let (low, extent) = points.bounding_box();
-        let cells = extent.map(|length| (length / size + 0.5 + ON_A_FACE).floor() + 1.0);
+        let per_length = 1.0 / size;
+        let cells = extent.map(|length| (length * per_length + 0.5 + ON_A_FACE).floor() + 1.0);
         if cells.iter().product::<f64>() > MAX_CELLS {
             let remedy = format!("the cloud is {:.3e} across; give a larger voxel", points.diagonal());
             return Err(Error::invalid("voxel", format!("{size:e}"), remedy));
         }
-        Ok(Self { low, size, cells: cells.map(|count| count as u64) })
+        Ok(Self { low, per_length, cells: cells.map(|count| count as u64) })
     }
 
     fn total(&self) -> u64 {
@@ -66,7 +69,7 @@ impl Grid {
                 cells.fill(0);
                 for k in [2, 1, 0] {
                     for (cell, coordinate) in cells.iter_mut().zip(axes[k]) {
-                        let along = (coordinate - self.low[k]) / self.size + 0.5 + ON_A_FACE;
+                        let along = (coordinate - self.low[k]) * self.per_length + 0.5 + ON_A_FACE;
                         *cell = *cell * self.cells[k] + (along as u64).min(self.cells[k] - 1);
                     }
                 }
@@ -74,8 +77,19 @@ impl Grid {
         );
     }
 
-    /// Number of occupied cells; a number greater than `most` if there are more.
+    /// Number of occupied cells; any number greater than `most` if there are more.
     pub fn count(&self, points: &Points, most: usize) -> Result<usize> {
+        if self.total() <= MAX_BYTES {
+            // A byte per cell is written without a look at it.
+            let mut occupied = memory::filled(0_u8, self.total() as usize)?;
+            let mut cells = [0; CHUNK];
+            for first in (0..points.len()).step_by(CHUNK) {
+                let length = CHUNK.min(points.len() - first);
+                self.fill_cells(points, first, &mut cells[..length]);
+                cells[..length].iter().for_each(|&cell| occupied[cell as usize] = 1);
+            }
+            return Ok(occupied.iter().map(|&one| usize::from(one)).sum());
+        }
         if self.total() > MAX_BITS {
             let mut cells = self.cells_of(points)?;
             cells.par_sort_unstable();

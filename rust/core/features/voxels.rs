@@ -7,6 +7,7 @@
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
+use crate::cloud::Own;
 use crate::error::{Error, Result, at_least_one};
 use crate::execution::Execution;
 use crate::features::voxel_grid::Grid;
@@ -18,6 +19,13 @@ use crate::points::Points;
 const STEPS_PER_OCTAVE: f64 = 16.0;
 /// Steps between the smallest and the largest candidate size: 2^20 cells along a diagonal.
 const STEPS: i32 = 320;
+/// First size that is tried: a sixteenth of the diagonal, whose grid is small. Trials before bisection.
+const FIRST: i32 = -64;
+const TRIALS: usize = 8;
+/// Octaves by which the number of voxels of a surface falls with a step of the size.
+const SLOPE: f64 = 2.0 / STEPS_PER_OCTAVE;
+/// Voxels that are counted at most, in multiples of those wanted.
+const COUNTED: usize = 4;
 /// Fewest points per voxel at which downsampling pays off.
 const LEAST_POINTS: usize = 2;
 
@@ -74,15 +82,27 @@ pub fn thin(
     size: f64,
     execution: &Execution,
 ) -> Result<Voxels> {
-    let (frame, points) = OwnFrame::of(points)?;
-    let mut voxels = voxel_downsample(&points, normals, size, execution)?;
+    thin_own(&OwnFrame::of(points)?, normals, size, execution)
+}
+
+/// As [`thin`], for points along the cloud's own axes.
+///
+/// # Errors
+/// As [`voxel_downsample`].
+pub fn thin_own(
+    (frame, points): &Own,
+    normals: Option<&[Vector3<f64>]>,
+    size: f64,
+    execution: &Execution,
+) -> Result<Voxels> {
+    let mut voxels = voxel_downsample(points, normals, size, execution)?;
     voxels.points.iter_mut().for_each(|point| *point = frame.in_data(&Vector3::from(*point)).into());
     Ok(voxels)
 }
 
 /// The smallest size d 2^(k/16), k an integer and d the longest diagonal of the clouds, at which the clouds
 /// have at most `most` voxels each on average, and at least two points per voxel. Counts fall with the size
-/// up to chance, so bisection finds it: the next smaller size has too many voxels.
+/// up to chance, so a search between bounds finds it: the next smaller size has too many voxels.
 ///
 /// # Errors
 /// [`Error::InvalidInput`] for `most` of 0, or clouds without extent; [`Error::Interrupted`].
@@ -99,17 +119,34 @@ pub fn choose_voxel(clouds: &[&Points], most: usize, execution: &Execution) -> R
     let points: usize = clouds.iter().map(|cloud| cloud.len()).sum();
     let most = most.saturating_mul(clouds.len()).min(points / LEAST_POINTS);
     let size = |k: i32| widest * (f64::from(k) / STEPS_PER_OCTAVE).exp2();
-    let fits = |k: i32| -> Result<bool> {
+    let count = |k: i32| -> Result<usize> {
         execution.check()?;
-        let counts = clouds.par_iter().map(|cloud| Grid::new(cloud, size(k))?.count(cloud, most));
-        Ok(counts.collect::<Result<Vec<usize>>>()?.iter().sum::<usize>() <= most)
+        let counts = clouds
+            .par_iter()
+            .map(|cloud| Grid::new(cloud, size(k))?.count(cloud, most.saturating_mul(COUNTED)));
+        Ok(counts.collect::<Result<Vec<usize>>>()?.iter().sum())
     };
     // At the highest k each cloud lies in one cell.
     let mut high = 2 * STEPS_PER_OCTAVE as i32;
     let mut low = high - STEPS;
-    while high - low > 1 {
-        let middle = i32::midpoint(low, high);
-        if fits(middle)? { high = middle } else { low = middle }
+    let (mut tried, mut last) = (FIRST, None);
+    for trial in 0.. {
+        let found = count(tried)?;
+        if found <= most {
+            high = tried;
+        } else {
+            low = tried;
+        }
+        if high - low <= 1 {
+            break;
+        }
+        // The number of voxels falls with a power of their size, about the second; bisection ends any other case.
+        let excess = (found as f64 / most as f64).log2();
+        let slope = last.map_or(SLOPE, |(k, other): (i32, f64)| (other - excess) / f64::from(tried - k));
+        last = Some((tried, excess));
+        let steps = (excess / slope.clamp(SLOPE / 2.0, SLOPE * 1.5)).round() as i32;
+        let next = if trial < TRIALS { tried + steps } else { i32::midpoint(low, high) };
+        tried = next.clamp(low + 1, high - 1);
     }
     Ok(size(high))
 }

@@ -16,7 +16,7 @@ const CELLS_PER_RADIUS: f64 = 2.0;
 /// Least radius of a query relative to the grid's radius; cells hold too many points for smaller ones.
 const LEAST_SHARE: f64 = 0.5;
 /// Share of the grid's radius that the nearest point is searched within first.
-const FIRST_SHARE: f64 = 0.25;
+const FIRST_SHARE: f64 = 0.4;
 /// Queries per task.
 const QUERIES_PER_TASK: usize = 128;
 /// Positions on either side that a search for any point tests first.
@@ -236,20 +236,22 @@ impl BallSearch {
         let mut radius = self.radius.min(FIRST_SHARE * self.made_for);
         loop {
             let (mut least, mut second, mut found) = (radius * radius, radius * radius, None);
-            self.grid.visit_runs(place, radius, |start, end| {
-                for point in &self.grid.points[start..end] {
+            self.grid.visit_nearest(place, radius, |start, end| {
+                for (point, position) in self.grid.points[start..end].iter().zip(start..) {
                     let offset = [point[0] - place[0], point[1] - place[1], point[2] - place[2]];
                     let square = offset[0] * offset[0] + offset[1] * offset[1] + offset[2] * offset[2];
-                    if square < least {
-                        (least, second, found) = (square, least, Some(Point3::from(*point)));
+                    let is_first = || found.is_some_and(|first| position < first);
+                    if square < least || (square <= least && is_first()) {
+                        (least, second, found) = (square, least, Some(position));
                     } else if square < second {
                         second = square;
                     }
                 }
-                None::<()>
+                second
             });
             if found.is_some() || radius >= self.radius {
-                return Nearest { place: *center, point: found, clear: second.sqrt() };
+                let point = found.map(|position| Point3::from(self.grid.points[position]));
+                return Nearest { place: *center, point, clear: second.sqrt() };
             }
             radius = self.radius.min(2.0 * radius);
         }

@@ -15,6 +15,9 @@ const MAX_CELLS_PER_AXIS: f64 = (1_u64 << 31) as f64;
 /// Most rows of the table per point of the cloud.
 const ROWS_PER_POINT: u64 = 4;
 
+/// Factor of a reach that rounding may have reduced.
+const ROUNDED_UP: f64 = 1.0 + 1e-9;
+
 /// Points sorted into cells.
 #[derive(Debug)]
 pub(super) struct Grid {
@@ -117,19 +120,73 @@ impl Grid {
         let low: [u64; 3] = std::array::from_fn(|k| self.cell(center[k] - radius, k));
         let high: [u64; 3] = std::array::from_fn(|k| self.cell(center[k] + radius, k));
         for z in low[2]..=high[2] {
+            let across = radius * radius - self.square_gap(center[2], z, 2);
             for y in low[1]..=high[1] {
-                let (first, end) = self.rows.get(z * self.cells[1] + y);
-                let columns = &self.columns[first..end];
-                let from = first + columns.partition_point(|&x| u64::from(x) < low[0]);
-                let to = first + columns.partition_point(|&x| u64::from(x) <= high[0]);
-                if from < to
-                    && let Some(result) = f(self.starts[from] as usize, self.starts[to] as usize)
+                let row = z * self.cells[1] + y;
+                let along = across - self.square_gap(center[1], y, 1);
+                if along < 0.0 || self.is_empty(row) {
+                    continue;
+                }
+                let reach = ROUNDED_UP * along.sqrt();
+                let ends = [center[0] - reach, center[0] + reach].map(|x| self.cell(x, 0));
+                if let Some((start, end)) = self.run(row, ends[0], ends[1])
+                    && let Some(result) = f(start, end)
                 {
                     return Some(result);
                 }
             }
         }
         None
+    }
+
+    /// Calls `f` with every non-empty run of points that may lie within the radius, that of the centre's own row first; `f`
+    /// returns the square of the radius for the runs that follow.
+    pub fn visit_nearest(&self, center: [f64; 3], radius: f64, mut f: impl FnMut(usize, usize) -> f64) {
+        let low: [u64; 3] = std::array::from_fn(|k| self.cell(center[k] - radius, k));
+        let high: [u64; 3] = std::array::from_fn(|k| self.cell(center[k] + radius, k));
+        let (own_y, own_z) = (self.cell(center[1], 1), self.cell(center[2], 2));
+        let mut limit = radius * radius;
+        if let Some((start, end)) = self.run(own_z * self.cells[1] + own_y, low[0], high[0]) {
+            limit = f(start, end);
+        }
+        for z in low[2]..=high[2] {
+            let across = self.square_gap(center[2], z, 2);
+            for y in low[1]..=high[1] {
+                if (y, z) != (own_y, own_z)
+                    && across + self.square_gap(center[1], y, 1) <= limit
+                    && let Some((start, end)) = self.run(z * self.cells[1] + y, low[0], high[0])
+                {
+                    limit = f(start, end);
+                }
+            }
+        }
+    }
+
+    /// Whether a row has no occupied cell, if that is known without a search.
+    #[inline]
+    fn is_empty(&self, row: u64) -> bool {
+        matches!(&self.rows, Rows::Table(first) if first[row as usize] == first[row as usize + 1])
+    }
+
+    /// Points of the occupied cells of a row between two columns.
+    #[inline]
+    fn run(&self, row: u64, low: u64, high: u64) -> Option<(usize, usize)> {
+        let (first, end) = self.rows.get(row);
+        let columns = &self.columns[first..end];
+        let from = columns.partition_point(|&x| u64::from(x) < low);
+        // Few cells lie within a radius.
+        let count = columns[from..].iter().take_while(|&&x| u64::from(x) <= high).count();
+        let start = |cell: usize| self.starts[first + cell] as usize;
+        (count > 0).then(|| (start(from), start(from + count)))
+    }
+
+    /// Lower bound of the squared distance of a coordinate from a cell along axis `k`.
+    #[inline]
+    fn square_gap(&self, coordinate: f64, cell: u64, k: usize) -> f64 {
+        let from_middle = (coordinate - self.low[k]) / self.cell_size - (cell as f64 + 0.5);
+        // Rounding moves no point by more than a thousandth of a cell.
+        let gap = (from_middle.abs() - 0.501).max(0.0) * self.cell_size;
+        gap * gap
     }
 
     /// Cell of a coordinate along axis `k`; coordinates outside the box map to its outermost cells.

@@ -2,6 +2,7 @@
 
 pub(crate) mod angle;
 pub mod ball_search;
+pub mod distinct;
 mod grid;
 pub mod nearest_sets;
 pub mod neighbors;

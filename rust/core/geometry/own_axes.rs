@@ -3,6 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::error::Result;
+use crate::features::normals::{add_products, symmetric};
 use crate::geometry::rigid::Rigid;
 use crate::geometry::symmetric::eigen;
 use crate::points::Points;
@@ -17,10 +18,14 @@ pub fn own_axes(points: &Points) -> Matrix3<f64> {
     if unit <= 0.0 {
         return Matrix3::identity();
     }
-    let rows = || points.rows().map(|row| Vector3::from(row) / unit);
-    let mut scatter = Matrix3::zeros();
-    rows().for_each(|row| scatter.ger(1.0, &row, &row, 1.0));
-    let [_, second, first] = eigen(&scatter).vectors;
+    let per_length = 1.0 / unit;
+    let rows = || {
+        let axes = points.x.iter().zip(&points.y).zip(&points.z);
+        axes.map(|((x, y), z)| Vector3::new(x * per_length, y * per_length, z * per_length))
+    };
+    let mut products = [0.0; 6];
+    rows().for_each(|row| add_products(&mut products, &row, &row));
+    let [_, second, first] = eigen(&symmetric(&products)).vectors;
     let tails = rows().map(|row| [first, second].map(|axis| axis.dot(&row).powi(3)));
     let tails = tails.fold([0.0; 2], |sums, tails| [sums[0] + tails[0], sums[1] + tails[1]]);
     let towards = |axis: Vector3<f64>, tail: f64| if tail < 0.0 { -axis } else { axis };
@@ -32,7 +37,7 @@ pub fn own_axes(points: &Points) -> Matrix3<f64> {
 #[derive(Debug, Clone, Copy)]
 pub struct OwnFrame {
     /// Rotation from the data's axes to the cloud's own.
-    pub(crate) axes: Matrix3<f64>,
+    pub axes: Matrix3<f64>,
     /// Its origin, in the data's coordinates.
     pub(crate) center: Vector3<f64>,
 }

@@ -20,6 +20,19 @@ pub struct Rigid {
 }
 
 impl Rigid {
+    /// Returns the transform that moves nothing.
+    pub fn identity() -> Self {
+        Self { rotation: Matrix3::identity(), translation: Vector3::zeros() }
+    }
+
+    /// Returns the transform of a homogeneous 4x4 matrix.
+    pub fn from_matrix(matrix: &Matrix4<f64>) -> Self {
+        Self {
+            rotation: matrix.fixed_view::<3, 3>(0, 0).into(),
+            translation: matrix.fixed_view::<3, 1>(0, 3).into(),
+        }
+    }
+
     /// Applies the transform.
     #[inline]
     pub fn apply(&self, p: &Point3<f64>) -> Point3<f64> {

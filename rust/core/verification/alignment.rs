@@ -1,24 +1,22 @@
 //! Final refinement of a pose: samples of each surface, with their local planes, are paired with points of
 //! the other surface (point-to-plane in both directions; Chen and Medioni 1992).
 
-use nalgebra::{Matrix6, Point3, Rotation3, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{Matrix6, Rotation3, UnitQuaternion, Vector3, Vector6};
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::execution::Execution;
-use crate::geometry::ball_search::Nearest;
 use crate::geometry::rigid::Rigid;
 use crate::memory;
-use crate::verification::fine_surface::{FineSurface, REACH, Sample};
+use crate::verification::fine_surface::{FineSurface, REACH};
 use crate::verification::overlap::Resistance;
+use crate::verification::pairing::{Known, Pair};
 
 /// Number of first steps, in which the reach shrinks; most samples per surface in them; reach of the last
 /// one, in spacings.
-const FIRST_STEPS: usize = 5;
+pub(crate) const FIRST_STEPS: usize = 5;
 const FIRST_SAMPLES: usize = 1_000;
 const LAST_REACH: f64 = 1.5;
-/// Maximum number of further steps, with all samples.
-const LAST_STEPS: usize = 7;
 /// With fewer pairs the pose is not changed.
 const LEAST_PAIRS: usize = 20;
 /// Tukey's constant: residuals beyond this many standard deviations have no weight.
@@ -30,8 +28,9 @@ const LEAST_DEVIATION: f64 = 1e-3;
 /// Added to the diagonal, relative to its largest entry: suppresses motions that the surfaces do not
 /// constrain.
 const DAMPING: f64 = 1e-6;
-/// Largest displacement of the surface, in spacings, at which the refinement has converged.
-const STILL: f64 = 5e-3;
+/// The further steps, with all samples.
+pub(crate) const LAST: Course =
+    Course { first_step: FIRST_STEPS, last_step: FIRST_STEPS + 7, samples: usize::MAX, still: 5e-3 };
 
 /// A refined pose and its residuals.
 #[derive(Debug, Clone)]
@@ -48,16 +47,6 @@ pub struct Alignment {
     pub resistance: Resistance,
 }
 
-/// A sample paired with a point: coordinates relative to the target's mean, in spacings.
-#[derive(Clone)]
-struct Pair {
-    place: Vector3<f64>,
-    normal: Vector3<f64>,
-    residual: f64,
-    squared_distance: f64,
-    deviation: f64,
-}
-
 /// Refines a pose that is accurate to one or two spacings, with at most `samples` samples of each surface.
 ///
 /// # Errors
@@ -70,21 +59,53 @@ pub fn align(
     samples: usize,
     execution: &Execution,
 ) -> Result<Alignment> {
+    let first =
+        Course { first_step: 0, last_step: FIRST_STEPS, samples: samples.min(FIRST_SAMPLES), still: 0.0 };
+    align_by(source, target, pose, &[first, Course { samples, ..LAST }], execution)
+}
+
+/// Part of a refinement.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Course {
+    /// First of the steps; the reach shrinks in steps 0 to 4.
+    pub first_step: usize,
+    /// End of the steps.
+    pub last_step: usize,
+    /// Most samples of each surface.
+    pub samples: usize,
+    /// Displacement of the surface, in spacings, that ends the steps.
+    pub still: f64,
+}
+
+/// Refines a pose, as [`align`] does, by other courses.
+///
+/// # Errors
+/// As for [`align`].
+pub fn align_by(
+    source: &FineSurface,
+    target: &FineSurface,
+    pose: &Rigid,
+    courses: &[Course],
+    execution: &Execution,
+) -> Result<Alignment> {
     check_spacings(source, target)?;
+    let samples = courses.last().map_or(0, |last| last.samples);
     let a = target.spacing();
     let radius = source.radius().max(target.radius()) / a;
     let mut pose = source.frame().pose_onto(target.frame(), pose);
-    let mut known = Known::new(source, target)?;
-    for step in 0..FIRST_STEPS + LAST_STEPS {
-        let share = (step as f64 / FIRST_STEPS as f64).min(1.0);
-        let reach = REACH + (LAST_REACH - REACH) * share;
-        let most = if step < FIRST_STEPS { samples.min(FIRST_SAMPLES) } else { samples };
-        let pairs = known.pair(source, target, &pose, reach, most, execution)?;
-        let Some(motion) = solve(&equations(&pairs, reach)?) else { break };
-        let (turn, shift) = (motion.fixed_rows::<3>(0).into_owned(), motion.fixed_rows::<3>(3).into_owned());
-        pose = followed_by(&pose, turn, shift * a);
-        if share >= 1.0 && turn.norm() * radius + shift.norm() < STILL {
-            break;
+    let mut known = Known::new(source, target, samples)?;
+    for course in courses {
+        for step in course.first_step..course.last_step {
+            let share = (step as f64 / FIRST_STEPS as f64).min(1.0);
+            let reach = REACH + (LAST_REACH - REACH) * share;
+            let pairs = known.pair(source, target, &pose, reach, course.samples, execution)?;
+            let Some(motion) = solve(&equations(&pairs, reach)?) else { break };
+            let (turn, shift) =
+                (motion.fixed_rows::<3>(0).into_owned(), motion.fixed_rows::<3>(3).into_owned());
+            pose = followed_by(&pose, turn, shift * a);
+            if turn.norm() * radius + shift.norm() < course.still {
+                break;
+            }
         }
     }
     pose.rotation = nearest_rotation(&pose);
@@ -110,10 +131,27 @@ pub fn plane_distances(
     pose: &Rigid,
     execution: &Execution,
 ) -> Result<Vec<f64>> {
+    plane_distances_of(source, target, pose, |_| true, execution)
+}
+
+/// Returns the distances of [`plane_distances`] for some of the samples; NaN for the others.
+///
+/// # Errors
+/// As for [`align`].
+pub fn plane_distances_of(
+    source: &FineSurface,
+    target: &FineSurface,
+    pose: &Rigid,
+    is_asked: impl Fn(usize) -> bool + Sync,
+    execution: &Execution,
+) -> Result<Vec<f64>> {
     check_spacings(source, target)?;
     let (pose, search) = (source.frame().pose_onto(target.frame(), pose), target.search());
-    let distances = source.samples(usize::MAX).par_iter().map(|sample| {
+    let distances = source.samples(usize::MAX).par_iter().enumerate().map(|(row, sample)| {
         execution.check()?;
+        if !is_asked(row) {
+            return Ok(f64::NAN);
+        }
         let normal = pose.rotation * sample.normal;
         let nearest = search.nearest(&pose.apply(&sample.point));
         Ok(nearest.offset().map_or(f64::NAN, |offset| offset.dot(&normal).abs()))
@@ -141,89 +179,6 @@ fn nearest_rotation(pose: &Rigid) -> nalgebra::Matrix3<f64> {
     // The quaternion of a matrix in single precision is not quite of unit length.
     let quaternion = UnitQuaternion::from_rotation_matrix(&rotation).into_inner();
     UnitQuaternion::new_normalize(quaternion).to_rotation_matrix().into_inner()
-}
-
-/// Cache of the nearest neighbours of each surface's samples: they rarely change when the pose moves little.
-struct Known {
-    to_source: Vec<Nearest>,
-    to_target: Vec<Nearest>,
-}
-
-impl Known {
-    fn new(source: &FineSurface, target: &FineSurface) -> Result<Self> {
-        let nothing =
-            |surface: &FineSurface| memory::filled(Nearest::default(), surface.samples(usize::MAX).len());
-        Ok(Self { to_source: nothing(source)?, to_target: nothing(target)? })
-    }
-
-    /// Pairs of samples and points within `reach` spacings, for the samples of both surfaces.
-    fn pair(
-        &mut self,
-        source: &FineSurface,
-        target: &FineSurface,
-        pose: &Rigid,
-        reach: f64,
-        samples: usize,
-        execution: &Execution,
-    ) -> Result<Vec<Pair>> {
-        let inverse = pose.rotation.transpose();
-        let unit = target.spacing();
-        let forward = |(sample, known): (&Sample, &mut Nearest)| {
-            let place = pose.apply(&sample.point);
-            let near = place + nearest(known, &place, target, reach)?;
-            as_pair(sample, (place, near, pose.rotation * sample.normal), unit, reach)
-        };
-        let backward = |(sample, known): (&Sample, &mut Nearest)| {
-            let place = Point3::from(inverse * (sample.point.coords - pose.translation));
-            let near = place + nearest(known, &place, source, reach)?;
-            as_pair(sample, (pose.apply(&near), sample.point, sample.normal), unit, reach)
-        };
-        let moved = source.samples(samples).par_iter().zip(&mut self.to_source).map(|sample| {
-            execution.check()?;
-            Ok(forward(sample))
-        });
-        let still = target.samples(samples).par_iter().zip(&mut self.to_target).map(|sample| {
-            execution.check()?;
-            Ok(backward(sample))
-        });
-        let pairs = memory::par_try_collect(moved.chain(still))?;
-        memory::collect(pairs.into_iter().flatten())
-    }
-}
-
-/// Returns the vector to the nearest point of a surface, if there is one within about `reach` spacings;
-/// updates the cache.
-fn nearest(
-    known: &mut Nearest,
-    place: &Point3<f64>,
-    surface: &FineSurface,
-    reach: f64,
-) -> Option<Vector3<f64>> {
-    let seen = known.seen_from(place, reach * surface.spacing());
-    let found = seen.unwrap_or_else(|| {
-        *known = surface.search().nearest(place);
-        *known
-    });
-    found.offset()
-}
-
-/// Pair of a moved and a fixed point with the plane's normal and the sample's deviation; `None` beyond
-/// `reach`.
-fn as_pair(
-    sample: &Sample,
-    (moved, fixed, normal): (Point3<f64>, Point3<f64>, Vector3<f64>),
-    unit: f64,
-    reach: f64,
-) -> Option<Pair> {
-    let offset = (moved - fixed) / unit;
-    let squared_distance = offset.norm_squared();
-    (squared_distance < reach * reach).then_some(Pair {
-        place: moved.coords / unit,
-        normal,
-        residual: offset.dot(&normal),
-        squared_distance,
-        deviation: sample.deviation,
-    })
 }
 
 /// The normal equations of one step: `A x = b` with x a rotation vector and a translation.
@@ -276,7 +231,7 @@ fn solve(equations: &Equations) -> Option<Vector6<f64>> {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::Matrix3;
+    use nalgebra::{Matrix3, Point3};
 
     use super::*;
     use crate::points::Points;

@@ -3,6 +3,7 @@
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
 
+use crate::cloud::Own;
 use crate::error::{Error, Result, positive};
 use crate::execution::Execution;
 use crate::features::normals::{Scatter, scatter};
@@ -58,11 +59,17 @@ impl FineSurface {
     /// [`Error::InvalidInput`] if the spacing is not positive, is too small to number the voxels, or leaves
     /// too few points with a plane; [`Error::Interrupted`], [`Error::OutOfMemory`].
     pub fn new(cloud: &Points, spacing: f64, execution: &Execution) -> Result<Self> {
+        Self::of_own(&OwnFrame::of(cloud)?, spacing, execution)
+    }
+
+    /// As [`FineSurface::new`], for points along the cloud's own axes.
+    ///
+    /// # Errors
+    /// As [`FineSurface::new`].
+    pub fn of_own((frame, cloud): &Own, spacing: f64, execution: &Execution) -> Result<Self> {
         let spacing = positive("spacing", spacing)?;
-        let (frame, cloud) = OwnFrame::of(cloud)?;
-        let points =
-            Points::from_rows("points", &voxel_downsample(&cloud, None, spacing, execution)?.points)?;
-        let frame = OwnFrame { center: frame.in_data(&points.center()), ..frame };
+        let points = Points::from_rows("points", &voxel_downsample(cloud, None, spacing, execution)?.points)?;
+        let frame = OwnFrame { center: frame.in_data(&points.center()), ..*frame };
         let search = BallSearch::new(&points, REACH * spacing)?;
         let samples = sample(&points, &search.narrowed(PLANE_RADIUS * spacing), spacing, execution)?;
         let radius = root_mean_square(&samples);

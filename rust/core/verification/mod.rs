@@ -8,7 +8,8 @@
 //! scanner observed nothing. The score is the sum of both surfaces' means.
 //!
 //! [`verify`] scores all poses coarsely, refines the best by point-to-plane steps, and scores those again,
-//! twice. All lengths are in units of about 0.4 of the distance between points. Cost: two grid lookups per
+//! twice; [`race`] does so in more stages, with fewer samples. All lengths are in units of about 0.4 of the distance
+//! between points. Cost: two grid lookups per
 //! pose and sample; memory of a surface: a few hundred bytes per point.
 
 pub mod alignment;
@@ -20,15 +21,16 @@ pub mod surface;
 
 mod group;
 mod nearest_grid;
+mod pairing;
 mod pose;
 mod range_map;
 mod refine;
 mod sampling;
 mod score;
 
-pub use alignment::{Alignment, align, plane_distances};
+pub use alignment::{Alignment, align, align_by, plane_distances, plane_distances_of};
 pub use fine_surface::FineSurface;
 pub use overlap::{Overlap, Resistance, overlap};
 pub use places::{Place, places};
-pub use schedule::{DIFFERENT, Evidence, Verified, margin, score_poses, verify};
+pub use schedule::{DIFFERENT, Evidence, Verified, margin, race, score_poses, verify};
 pub use surface::{Side, Surface};

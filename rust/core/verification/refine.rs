@@ -17,8 +17,6 @@ const LEAST_PAIRS: usize = 10;
 /// Added to the diagonal, relative to its largest entry: suppresses motions that the surfaces do not
 /// constrain.
 const DAMPING: f64 = 1e-6;
-/// Largest motion, in radians and units, at which the refinement has converged.
-const STILL: f64 = 1e-5;
 /// Entries per column of the equations; six are used.
 const COLUMN: usize = 8;
 
@@ -29,6 +27,8 @@ pub(super) struct Refinement {
     pub steps: usize,
     /// Largest distance of paired points, in the first and in the last step.
     pub reach: (f32, f32),
+    /// Motion of a step, in radians and units, below which the last reach follows, and then the end.
+    pub still: f64,
     pub coarse: bool,
 }
 
@@ -43,17 +43,15 @@ pub(super) struct Equations {
 
 /// Refines a pose: minimizes the distances of the source's samples from the planes of the target's points.
 pub(super) fn refine(source: &Surface, target: &Surface, pose: &Pose, how: &Refinement) -> Pose {
-    let mut pose = *pose;
-    for step in 0..how.steps {
-        let share = step as f32 / (how.steps.max(2) - 1) as f32;
+    let (mut pose, mut step, last) = (*pose, 0, how.steps - 1);
+    while step <= last {
+        let share = step as f32 / last as f32;
         let reach = how.reach.0 + (how.reach.1 - how.reach.0) * share;
         let equations = equations(source, target, &pose, reach, how);
         let Some(motion) = solve(&equations) else { break };
         let (turn, shift) = (motion.fixed_rows::<3>(0).into_owned(), motion.fixed_rows::<3>(3).into_owned());
         pose = pose.followed_by(turn, shift);
-        if share >= 1.0 && motion.amax() < STILL {
-            break;
-        }
+        step = if motion.amax() < how.still { last.max(step + 1) } else { step + 1 };
     }
     pose.orthonormal()
 }

@@ -20,14 +20,50 @@ pub(super) const SECOND: Round =
 pub(super) const LAST: Round =
     Round { samples: 2500, tolerance: 2.0, in_front: 3.0, cosine: 0.8, coarse: false };
 
-const COARSELY: Refinement = Refinement { samples: 300, steps: 12, reach: (8.0, 4.0), coarse: true };
+const COARSELY: Refinement =
+    Refinement { samples: 300, steps: 12, reach: (8.0, 4.0), still: 1e-5, coarse: true };
 pub(super) const FINELY: Refinement =
-    Refinement { samples: 1000, steps: 15, reach: (4.0, 2.5), coarse: false };
+    Refinement { samples: 1000, steps: 15, reach: (4.0, 2.5), still: 1e-5, coarse: false };
 
-/// Poses kept after the first round, and after the second.
-const KEPT: (usize, usize) = (150, 12);
-/// Poses closer than this to a better one, in units, are removed: after the first round, and later.
-const SAME: (f32, f32) = (10.0, 3.0);
+/// A stage refines poses, scores them, removes those closer to a better one than a distance in units, and keeps the best.
+struct Stage {
+    refinement: Option<Refinement>,
+    round: Round,
+    /// Weight of the logarithm of the number of matches that the pose aligns, beside the score.
+    support: f64,
+    apart: f32,
+    kept: usize,
+}
+
+/// Stages of [`verify`] before the last, which refines and judges.
+const VERIFIED: [Stage; 2] = [
+    Stage { refinement: None, round: FIRST, support: 0.0, apart: 10.0, kept: 150 },
+    Stage { refinement: Some(COARSELY), round: SECOND, support: 0.0, apart: LAST_APART, kept: MOST_VERIFIED },
+];
+/// Stages of [`race`], with the kept poses given: many poses are seen with few samples, few poses with many.
+const RACED: [Stage; 3] = [
+    Stage { refinement: None, round: Round { samples: 96, ..FIRST }, support: 0.0, apart: 10.0, kept: 0 },
+    Stage {
+        refinement: Some(Refinement { samples: 128, steps: 3, still: STILL, ..COARSELY }),
+        round: Round { samples: 160, ..FIRST },
+        support: 0.1,
+        apart: 5.0,
+        kept: 0,
+    },
+    Stage {
+        refinement: Some(Refinement { samples: 304, steps: 6, still: STILL, ..COARSELY }),
+        round: Round { samples: 512, ..SECOND },
+        support: 0.1,
+        apart: LAST_APART,
+        kept: 0,
+    },
+];
+const LAST_RACED: Refinement = Refinement { samples: 640, steps: 12, still: STILL, ..FINELY };
+/// Motion that ends the refinement of a raced pose, in radians and units.
+const STILL: f64 = 1e-3;
+/// Most poses returned, and their least distance, in units.
+const MOST_VERIFIED: usize = 12;
+const LAST_APART: f32 = 3.0;
 
 /// Weight of the matches' evidence relative to the logarithm of the score, and the number of matches beyond
 /// which more add no evidence.
@@ -122,33 +158,63 @@ pub fn verify(
     check_units(source, target)?;
     evidence.map_or(Ok(()), Evidence::check)?;
     let poses = memory::collect(poses.iter().map(|pose| source.pose_onto(target, pose)))?;
-    look_at(source, target, || verify_local(source, target, &poses, evidence, execution))
+    look_at(source, target, || run((source, target), poses, (&VERIFIED, &FINELY), evidence, execution))
 }
 
-/// [`verify`] in the surfaces' own coordinates.
-fn verify_local(
+/// Returns nearly what [`verify`] does, several times as fast: poses with low scores are dropped after few samples.
+///
+/// `kept` are the most poses after each of three stages; about (150, 40, 10) for poses of single matches.
+///
+/// # Errors
+/// As for [`verify`].
+pub fn race(
     source: &Surface,
     target: &Surface,
-    poses: &[Pose],
+    poses: &[Rigid],
+    evidence: &Evidence,
+    kept: [usize; 3],
+    execution: &Execution,
+) -> Result<Vec<Verified>> {
+    check_units(source, target)?;
+    evidence.check()?;
+    let mut stages = RACED;
+    stages.iter_mut().zip(kept).for_each(|(stage, kept)| stage.kept = kept);
+    let poses = memory::collect(poses.iter().map(|pose| source.pose_onto(target, pose)))?;
+    look_at(source, target, || {
+        run((source, target), poses, (&stages, &LAST_RACED), Some(evidence), execution)
+    })
+}
+
+/// Runs the stages and the last refinement in the surfaces' own coordinates.
+fn run(
+    (source, target): (&Surface, &Surface),
+    mut poses: Vec<Pose>,
+    (stages, last): (&[Stage], &Refinement),
     evidence: Option<&Evidence>,
     execution: &Execution,
 ) -> Result<Vec<Verified>> {
     let radius = source.radius().max(target.radius());
-    let none = Ranked::default();
-    let all = map(poses, none, execution, |pose| ranked_by_score(source, target, *pose, &FIRST))?;
-    let best = take(&all, &suppress(&all, SAME.0, radius, KEPT.0)?)?;
-    let refined = map(&best, none, execution, |pose| {
-        ranked_by_score(source, target, refine(source, target, pose, &COARSELY), &SECOND)
-    })?;
-    let best = take(&refined, &suppress(&refined, SAME.1, radius, KEPT.1)?)?;
-    let judged = map(&best, None, execution, |pose| {
-        let pose = refine(source, target, pose, &FINELY);
+    for Stage { refinement, round, support, apart, kept } in stages {
+        let matches = evidence.filter(|_| *support > 0.0);
+        let ranked = map(&poses, Ranked::default(), execution, |pose| {
+            let pose = refinement.as_ref().map_or(*pose, |how| refine(source, target, pose, how));
+            let logarithm = matches
+                .map_or(0.0, |matches| logarithm_of(matches.count(&source.pose_in_data(target, &pose))));
+            let value = f64::from(score(source, target, &pose, round)) + support * logarithm;
+            Ranked { pose, value }
+        })?;
+        let rows = suppress(&ranked, *apart, radius, *kept)?;
+        poses = memory::collect(rows.iter().map(|&row| ranked[row].pose))?;
+    }
+    let judged = map(&poses, None, execution, |pose| {
+        let pose = refine(source, target, pose, last);
         Some((pose, judge(source, target, &pose, evidence)))
     })?;
     let judged = memory::collect(judged.into_iter().flatten())?;
     let rank = |(pose, found): &(Pose, Verified)| Ranked { pose: *pose, value: found.value };
-    let last = memory::collect(judged.iter().map(rank))?;
-    memory::collect(suppress(&last, SAME.1, radius, KEPT.1)?.into_iter().map(|i| judged[i].1.clone()))
+    let ranked = memory::collect(judged.iter().map(rank))?;
+    let rows = suppress(&ranked, LAST_APART, radius, MOST_VERIFIED)?;
+    memory::collect(rows.into_iter().map(|row| judged[row].1.clone()))
 }
 
 /// Difference between the first pose's value and that of the best pose that differs from it by more than 10
@@ -169,13 +235,12 @@ fn judge(source: &Surface, target: &Surface, pose: &Pose, evidence: Option<&Evid
     let score = f64::from(score(source, target, pose, &LAST));
     let pose = source.pose_in_data(target, pose);
     let evidence = evidence.map_or(0, |matches| matches.count(&pose));
-    let (weight, most) = EVIDENCE;
-    let value = score.max(LEAST_SCORE).ln() + weight * (1.0 + (evidence as f64).min(most)).ln();
+    let value = score.max(LEAST_SCORE).ln() + EVIDENCE.0 * logarithm_of(evidence);
     Verified { pose, score, evidence, value }
 }
 
-fn ranked_by_score(source: &Surface, target: &Surface, pose: Pose, round: &Round) -> Ranked {
-    Ranked { pose, value: f64::from(score(source, target, &pose, round)) }
+fn logarithm_of(evidence: usize) -> f64 {
+    (1.0 + (evidence as f64).min(EVIDENCE.1)).ln()
 }
 
 /// Computes a result for each pose, in parallel; `value` is a placeholder.
@@ -206,10 +271,6 @@ fn suppress(poses: &[Ranked], within: f32, radius: f32, most: usize) -> Result<V
     Ok(kept)
 }
 
-fn take(poses: &[Ranked], rows: &[usize]) -> Result<Vec<Pose>> {
-    memory::collect(rows.iter().map(|&i| poses[i].pose))
-}
-
 pub(super) fn check_units(source: &Surface, target: &Surface) -> Result<()> {
     let (a, b) = (source.unit(), target.unit());
     if (a - b).abs() <= 1e-9 * a.max(b) {
@@ -221,7 +282,50 @@ pub(super) fn check_units(source: &Surface, target: &Surface) -> Result<()> {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::{Rotation3, Vector3};
+
     use super::*;
+    use crate::verification::surface::Side;
+
+    /// A wavy height field of 40 x 40 points, 1 apart, moved by a pose.
+    fn waves(pose: &Rigid) -> Result<(Points, Surface)> {
+        let height = |x: f64, y: f64| 4.0 * (0.31 * x).sin() * (0.23 * y).cos() + (0.011 * x * y).sin();
+        let place = |i: u32| (f64::from(i % 40), f64::from(i / 40));
+        let row = |(x, y)| pose.apply(&[x, y, height(x, y)].into()).coords.into();
+        let points = Points::from_rows("points", &(0..1600).map(place).map(row).collect::<Vec<_>>())?;
+        let slope = |(x, y)| {
+            let run = |dx: f64, dy: f64| height(x + dx, y + dy) - height(x - dx, y - dy);
+            pose.rotation * Vector3::new(-run(0.01, 0.0) / 0.02, -run(0.0, 0.01) / 0.02, 1.0).normalize()
+        };
+        let normals: Vec<_> = (0..1600).map(place).map(slope).collect();
+        let surface = Surface::new(&points, &normals, 0.4, Side::Known, &Execution::default())?;
+        Ok((points, surface))
+    }
+
+    #[test]
+    fn a_race_is_won_by_the_verified_pose() -> Result<()> {
+        let turn = |angle: f64| Rotation3::new(Vector3::new(0.3, 0.2, 0.9) * angle).into_inner();
+        let away = Rigid { rotation: turn(0.7), translation: Vector3::new(5.0, -7.0, 11.0) };
+        let ((source_points, source), (target_points, target)) = (waves(&Rigid::identity())?, waves(&away)?);
+        let proposal = |i: i32| {
+            let shift = Vector3::new(f64::from(i % 11), f64::from(i / 11), 1.0) * 2.0;
+            Rigid { rotation: turn(0.7 + 0.02 * f64::from(i % 5)), translation: away.translation + shift }
+        };
+        let mut poses: Vec<_> = (0..121).map(proposal).collect();
+        poses.push(Rigid { rotation: turn(0.72), translation: away.translation.add_scalar(0.2) });
+        let (run, kept) = (Execution::default(), [60, 20, 6]);
+        let evidence = Evidence { source: source_points, target: target_points, tolerance: 1.0 };
+        let verified = verify(&source, &target, &poses, Some(&evidence), &run)?;
+        let raced = race(&source, &target, &poses, &evidence, kept, &run)?;
+        assert!((1..=6).contains(&raced.len()));
+        for found in [&verified[0], &raced[0]] {
+            assert!((found.pose.rotation - away.rotation).amax() < 1e-3);
+            assert!((found.pose.translation - away.translation).amax() < 0.05);
+            assert_eq!(found.evidence, 1600);
+        }
+        assert!(race(&source, &target, &[], &evidence, kept, &run)?.is_empty());
+        Ok(())
+    }
 
     #[test]
     fn evidence_needs_equal_numbers_of_points() -> Result<()> {

@@ -11,9 +11,8 @@ from cgroup.benchmark.pipelines.answer import Answer, Clouds
 from cgroup.errors import NoConsensusError
 from cgroup.features import Viewpoint
 from cgroup.group import group
-from cgroup.registration import DenseFront, PaperFront, correspond, register
+from cgroup.registration import DenseFront, Effort, PaperFront, correspond, register
 from cgroup.registration.prepare import NORMAL_NEIGHBORS, UNIT
-from cgroup.registration.search import Effort
 from cgroup.types import Correspondences, FloatArray, RealArray
 
 

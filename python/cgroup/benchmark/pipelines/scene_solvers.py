@@ -15,7 +15,7 @@ import numpy as np
 from cgroup._runtime.progress import StageClock
 from cgroup.benchmark.pipelines import libraries
 from cgroup.benchmark.pipelines.answer import Clouds, Scans, SceneAnswer
-from cgroup.registration.search import Effort
+from cgroup.registration import Effort
 from cgroup.rigid import invert
 from cgroup.scenes import register_all
 from cgroup.types import FloatArray

@@ -30,8 +30,8 @@ from cgroup.io.attributes import unkept_attributes
 from cgroup.io.clouds import find_clouds
 from cgroup.io.files import check_outputs
 from cgroup.io.result_folders import Results, make_folder
-from cgroup.registration.covariance import deviations_at
 from cgroup.rigid import apply
+from cgroup.rigid.covariance import deviations_at
 from cgroup.scenes import Scene, register_all
 from cgroup.scenes.scene import cloud_of
 

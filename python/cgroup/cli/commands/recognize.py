@@ -11,6 +11,7 @@ import numpy as np
 
 from cgroup import io
 from cgroup._checks.arrays import in_double
+from cgroup._show.words import say_direction
 from cgroup.cli import options
 from cgroup.cli.command import command, make_app
 from cgroup.cli.documents import Document
@@ -29,7 +30,6 @@ from cgroup.errors import InputError, NoConsensusError
 from cgroup.io.files import check_outputs
 from cgroup.io.result_folders import Results
 from cgroup.registration import Registration, recognize
-from cgroup.registration.motions import say_direction
 from cgroup.rigid import apply, rotation_error
 from cgroup.rigid.transforms import axis_of
 from cgroup.types import PointCloud

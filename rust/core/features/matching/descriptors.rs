@@ -50,7 +50,8 @@ impl Descriptors {
         &self.values[i * self.length..(i + 1) * self.length]
     }
 
-    pub(super) fn values(&self) -> &[f64] {
+    /// Numbers of the finite descriptors, row by row.
+    pub fn values(&self) -> &[f64] {
         &self.values
     }
 

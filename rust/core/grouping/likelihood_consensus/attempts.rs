@@ -13,12 +13,10 @@ use nalgebra::Matrix3;
 
 use super::confidence::{Judge, MOST_FALSE_ALARMS};
 use super::{
-    Answer, CHANCE, DEVIATION, Joined, LikelihoodConsensus, MOST_VERTICES, Problem, REACH, SEEDS, Scale,
-    frames, noise,
+    Answer, DEVIATION, Joined, LikelihoodConsensus, MOST_VERTICES, Problem, SEEDS, Scale, frames, noise,
 };
 use crate::consensus::false_alarms::is_fewer;
 use crate::consensus::likelihood::Likelihood;
-use crate::consensus::likelihood::levels::levels;
 use crate::consensus::modes::displacement;
 use crate::error::positive;
 use crate::geometry::rigid::Rigid;
@@ -51,6 +49,25 @@ pub struct Attempt<'a> {
 }
 
 impl LikelihoodConsensus {
+    /// Returns the poses of [`Grouping::alternatives`] for a tolerance, by position alone, the best first.
+    ///
+    /// # Errors
+    /// [`crate::Error::InvalidInput`] for a tolerance that is not positive; [`crate::Error::Interrupted`],
+    /// [`crate::Error::OutOfMemory`].
+    pub fn propose(
+        &self,
+        correspondences: &Correspondences,
+        tolerance: f64,
+        execution: &Execution,
+    ) -> Result<Vec<Rigid>> {
+        let (source, target) = correspondences.positions("lc")?;
+        let tolerance = positive("tolerance", tolerance)?;
+        let problem = Problem { source, target, tolerance, modes: self.modes, execution };
+        let cliques = problem.cliques(&problem.join(MOST_VERTICES)?, target, SEEDS)?;
+        let ranked = problem.rank(&problem.likelihood(correspondences.optional_ratio())?, &cliques)?;
+        memory::collect(ranked.iter().map(|one| one.mode.pose.uncentered(source, target)))
+    }
+
     /// Groups with a scale of 1.
     pub(super) fn run_known(
         &self,
@@ -150,9 +167,7 @@ impl LikelihoodConsensus {
         hypotheses: Vec<Rigid>,
         rotations: Option<&[Option<Matrix3<f64>>]>,
     ) -> Result<Attempt<'a>> {
-        let Problem { source, target, tolerance, execution, .. } = problem;
-        let levels = levels(source, target, correspondences.optional_ratio(), CHANCE * tolerance, execution)?;
-        let likelihood = Likelihood::new(source, target, &levels, DEVIATION * tolerance, REACH * tolerance)?;
+        let likelihood = problem.likelihood(correspondences.optional_ratio())?;
         let ranked = problem.rank(&likelihood, &hypotheses)?;
         let answer = Answer { likelihood: likelihood.copied()?, ranked, by_frames: false };
         let false_alarms = f64::INFINITY;

@@ -44,6 +44,7 @@ use crate::consensus::choice::poses_among;
 use crate::consensus::cliques::clique_poses;
 use crate::consensus::landing::{Landing, landings};
 use crate::consensus::likelihood::Likelihood;
+use crate::consensus::likelihood::levels::levels;
 use crate::consensus::modes::{Mode, find_modes};
 use crate::geometry::rigid::Rigid;
 use crate::grouping_result::{Alternative, mask_of};
@@ -125,6 +126,13 @@ impl GroupingMethod for LikelihoodConsensus {
 }
 
 impl Problem<'_> {
+    /// The likelihood of poses, by position alone.
+    fn likelihood(&self, ratios: Option<&[f64]>) -> Result<Likelihood> {
+        let Problem { source, target, tolerance, execution, .. } = *self;
+        let levels = levels(source, target, ratios, CHANCE * tolerance, execution)?;
+        Likelihood::new(source, target, &levels, DEVIATION * tolerance, REACH * tolerance)
+    }
+
     /// The modes among hypotheses, the best first.
     fn rank(&self, likelihood: &Likelihood, hypotheses: &[Rigid]) -> Result<Vec<Ranked>> {
         let modes =

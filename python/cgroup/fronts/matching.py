@@ -91,21 +91,6 @@ def take_matches(matches: Correspondences, chosen: BoolArray) -> Correspondences
     return own_correspondences(Fields(**rows))
 
 
-def turn_matches(matches: Correspondences, centroid: FloatArray) -> Correspondences:
-    """Swap source and target of matches, with the new source's centroid."""
-    turned = Fields(
-        matches.target,
-        matches.source,
-        similarity=matches.similarity,
-        ratio=matches.ratio,
-        source_lrf=matches.target_lrf,
-        target_lrf=matches.source_lrf,
-        resolution=matches.resolution,
-        source_centroid=np.array(centroid),
-    )
-    return own_correspondences(turned)
-
-
 def scale_matches(matches: Correspondences, scale: float) -> Correspondences:
     """Return the matches of a source in another unit."""
     centroid = None if matches.source_centroid is None else scale * matches.source_centroid

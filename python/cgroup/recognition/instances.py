@@ -8,19 +8,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from cgroup._runtime.progress import StageClock
 from cgroup._runtime.workers import cached_property
+from cgroup.errors import InputError
 from cgroup.features import DescribedCloud
-from cgroup.registration.covariance import count_open_motions
-from cgroup.registration.judge import Found, is_accepted, judge
-from cgroup.registration.matching import frame_poses, match_both_ways, propose_poses, take_matches
-from cgroup.registration.prepare import LEAST_VOXELS, PreparedScan, fine_surfaces
-from cgroup.registration.result import Registration, registration_of
+from cgroup.fronts.matching import frame_poses, match_both_ways, propose_poses, take_matches
+from cgroup.registration.pairwise import (
+    LEAST_VOXELS,
+    PreparedScan,
+    Registration,
+    confirm_pose,
+    is_accepted,
+    judge,
+    registration_of,
+)
 from cgroup.rigid import invert
 from cgroup.types import BoolArray, Correspondences, FloatArray, IndexArray
 from cgroup.verification import Alignment, Place, align, places, verify
@@ -52,8 +58,12 @@ class Detection:
     @cached_property
     def refined(self) -> Alignment:
         """The pose refined at half the voxel."""
-        surfaces = fine_surfaces(self.model, self.scene, _SPACINGS)
-        return align(*surfaces, self.pose, threads=self.threads)
+        for share in _SPACINGS:
+            model, scene = self.model.fine_surface(share), self.scene.fine_surface(share)
+            if model is not None and scene is not None:
+                return align(model, scene, self.pose, threads=self.threads)
+        cause = f"{self.model.voxel:.4g}, at which model or scene has too few points next to each other"
+        raise InputError("voxel", cause, "give a larger `voxel`")
 
     @property
     def visible(self) -> float:
@@ -116,18 +126,19 @@ class Proposal:
     def registration(self, probability: float, seconds: dict[str, float]) -> Registration:
         """Return the result."""
         detection = self.detection
-        found = Found(
-            detection.refined,
-            self.others,
-            probability,
-            detection.visible,
-            self.matches,
-            detection.model,
-            detection.scene,
+        model, scene, pose = detection.model, detection.scene, detection.refined.T_target_source
+        found = confirm_pose(model, scene, pose, detection.threads)
+        assert found is not None  # noqa: S101 - a detection has a surface in common with the scene
+        found = replace(
+            found,
+            pose=pose,
+            alternatives=self.others,
+            probability=probability,
+            fitness=detection.visible,
             target_fitness=float(detection.explained.mean()),
-            motions=count_open_motions(detection.refined, detection.model, detection.scene),
+            matches=self.matches,
         )
-        return registration_of(found, judge(found, detection.model, detection.scene), seconds)
+        return registration_of(found, judge(found, model, scene), seconds)
 
 
 @dataclass(eq=False)

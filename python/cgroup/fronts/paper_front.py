@@ -16,9 +16,8 @@ from cgroup._checks.values import as_choice, as_count, as_items, as_length, refu
 from cgroup._runtime.progress import as_stage_function, ignore_progress
 from cgroup.errors import InputError
 from cgroup.features import ORIGIN, SUPPORT_RADIUS, Cloud, DescribedCloud, Viewpoint
-from cgroup.features.cloud import renumber
-from cgroup.registration.matching import as_correspondences
-from cgroup.registration.scan import NEEDED_FOR, NORMAL_NEIGHBORS, NORMALS, Normals, Scan, as_scan
+from cgroup.fronts.matching import as_correspondences
+from cgroup.fronts.scan import NEEDED_FOR, NORMAL_NEIGHBORS, NORMALS, Normals, Scan, as_scan
 from cgroup.types import AnyCloud, Correspondences, FloatArray, IndexArray
 
 Detector: TypeAlias = Literal["h3d", "iss"]
@@ -249,7 +248,7 @@ def surface_normals(
     as_choice("normals", normals, NORMALS)
     scan = as_scan("cloud", cloud, distinct=normals != "given")
     found = _find_normals(scan, normals, viewpoint, threads)
-    return found if scan.rows is None else found[renumber(scan.given, scan.rows)]
+    return found if scan.places is None else found[scan.places]
 
 
 @explain_wrong_calls

@@ -16,10 +16,9 @@ from cgroup._runtime.progress import StageClock, as_stage_function
 from cgroup.errors import InputError
 from cgroup.features import Cloud
 from cgroup.features.voxels import choose_thinning
-from cgroup.registration.prepare import Given, PreparedScan, agree, as_given
-from cgroup.registration.recognition.instances import InstanceSearch
-from cgroup.registration.result import Registration
-from cgroup.registration.scan import as_model, as_point_cloud, as_viewpoint
+from cgroup.fronts.scan import as_model, as_point_cloud, as_viewpoint
+from cgroup.recognition.instances import InstanceSearch
+from cgroup.registration.pairwise import Given, PreparedScan, Registration, agree, as_given
 from cgroup.types import AnyCloud, PointCloud
 
 _MODEL_VOXELS = 5_000
@@ -170,10 +169,9 @@ def _prepare_all(
         voxel = _choose_voxel(target, sources, threads)
     shared = agree([target, *sources], voxel, None, threads)
     library = {
-        name: shared.finish(model, clock.start, by_frames=by_frames)
-        for name, model in zip(models, sources, strict=True)
+        name: shared.finish(model, by_frames=by_frames) for name, model in zip(models, sources, strict=True)
     }
-    return library, shared.finish(target, clock.start, by_frames=by_frames)
+    return library, shared.finish(target, by_frames=by_frames)
 
 
 def _as_model(name: str, model: PreparedScan | Cloud | AnyCloud, *, by_frames: bool) -> Given:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,9 +22,9 @@ from cgroup._checks.values import as_length, run_options
 from cgroup._runtime.workers import cached_property
 from cgroup.errors import InputError
 from cgroup.features import Cloud, Viewpoint, sample_mesh
-from cgroup.features.cloud import core_cloud, find_distinct, renumber
+from cgroup.features.cloud import core_cloud
 from cgroup.features.meshes import longest_edges
-from cgroup.types import AnyCloud, BoolArray, FloatArray, IndexArray, PointCloud, RealArray
+from cgroup.types import AnyCloud, FloatArray, IndexArray, PointCloud, RealArray
 from cgroup.types.point_cloud import find_cloud
 
 Normals: TypeAlias = Literal["pca", "mesh", "given"]
@@ -38,15 +38,7 @@ MAX_RANGE = 1000.0  # distance of the viewpoint in diagonals of the cloud, beyon
 FAR_AWAY = 50.0  # distance of a viewpoint of which the direction is known alone, in diagonals of the cloud
 # Spacing of single precision, as a share of that of the points, beyond which their digits are lost
 MOST_ROUNDED = 0.1
-# Share of directions with several depths that edges explain, and how near (of the cloud's diagonal)
-# surfaces begin around a scanner that they surround: its rings and plants explain more
-MOST_LAYERED, LEAST_DISTANCE = 0.015, 0.045
-MOST_STRAYS = 0.05  # share of a cloud's points beyond which points far from the others are no strays
 _LEAST_ROUNDED = 1e-6  # of the cloud's diagonal
-_FAR, _ROOM, _ALONE = 3.0, 0.5, 4
-_ENOUGH = 20_000  # points for an estimate of the size of a cloud
-_DIRECTIONS, _FEW = 1000, 8  # looked at, of which one in so many first
-_NEARBY, _LAYERS_APART = 4, 3.0  # nearest directions of each, voxels
 # Length of a large face in mean spacings; share of the area in them, or vertices, that need samples
 _LARGE, _LARGE_SHARE, _FEW_VERTICES = 4.0, 0.2, 2000
 _MESH_SPACING = 0.5  # voxels between points on a large face
@@ -97,6 +89,7 @@ class Scan:
     strays: int = 0  # number of removed outliers
     # (M,), first row of each distinct point among the `given`; None if no two coincide
     rows: IndexArray | None = None
+    places: IndexArray | None = None  # (n,), distinct point of each of the `given`, likewise
     mesh: PointCloud | None = None  # the sampled mesh
     # spacing of single precision at points far from the origin, if the coordinates are such numbers and
     # the spacing is close to that of the points; else 0
@@ -106,7 +99,16 @@ class Scan:
     @cached_property
     def centroid(self) -> FloatArray:
         """Mean of the points."""
-        return in_double(self.cloud.points).mean(axis=0)
+        return core_cloud(self.cloud).center()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Pickle the arrays; those of the compiled core are made again."""
+        return {name: value for name, value in vars(self).items() if name != "core"}
+
+    @cached_property
+    def core(self) -> _core.Scan:
+        """The cloud for the compiled core."""
+        return _core.Scan(core_cloud(self.cloud), self.normals)
 
     @cached_property
     def axes(self) -> FloatArray:
@@ -116,7 +118,7 @@ class Scan:
     @cached_property
     def diagonal(self) -> float:
         """Diagonal of the box around the cloud along its own axes."""
-        return float(np.linalg.norm(np.ptp(in_double(self.cloud.points) @ self.axes.T, axis=0)))
+        return core_cloud(self.cloud).own_diagonal()
 
     @property
     def repeats(self) -> int:
@@ -187,23 +189,7 @@ def shows_layers(scan: Scan, viewpoint: Viewpoint, voxel: float) -> bool:
 
     In a single scan, points of similar direction have nearly the same depth, except at edges.
     """
-    points = in_double(scan.cloud.points)
-    rays = points[:: len(points) // _ENOUGH + 1] - np.array(viewpoint)
-    depths = np.linalg.norm(rays, axis=1)
-    rays, depths = rays[depths > 0] / depths[depths > 0, None], depths[depths > 0]
-    if np.quantile(depths, 0.01) < LEAST_DISTANCE * scan.diagonal:
-        return False
-    some = np.arange(0, len(rays), len(rays) // _DIRECTIONS + 1)
-    apart = _LAYERS_APART * voxel
-    # Most scans have none: then a few directions suffice.
-    few = _lie_apart(rays, depths, some[::_FEW].copy(), apart)
-    return bool(few.any()) and float(_lie_apart(rays, depths, some, apart).mean()) > MOST_LAYERED
-
-
-def _lie_apart(rays: FloatArray, depths: FloatArray, some: IndexArray, least: float) -> BoolArray:
-    """Return the mask of points whose depth differs from all points in nearly the same direction."""
-    near = _core.nearest_rows(rays, some, run_options(), _NEARBY)
-    return np.abs(depths[near] - depths[some, None]).min(axis=1, initial=np.inf) > least
+    return _core.shows_layers(core_cloud(scan.cloud), run_options(1), viewpoint, voxel)
 
 
 def as_point_cloud(name: str, cloud: Cloud | AnyCloud) -> Cloud | AnyCloud:
@@ -223,17 +209,19 @@ def as_scan(name: str, cloud: Scan | Cloud | AnyCloud, *, distinct: bool = False
         normals, faces = _surface_of(name, cloud, len(points))
     else:
         points = cloud.points if isinstance(cloud, Cloud) else real_points(name, cloud)
-    rows, first = points, find_distinct(points) if distinct else None
-    if first is not None:
-        rows, normals = points[first], None if normals is None else normals[first]
-        faces = None if faces is None else renumber(points, first)[faces]
+    first, places = (_core.distinct_points(points) if distinct else None) or (None, None)
+    rows = points if first is None else points[first]
+    normals = normals if normals is None or first is None else normals[first]
+    faces = faces if faces is None or places is None else places[faces]
     if len(rows) == 1 < len(points):
         raise InputError(name, remedy="all its points coincide; give a cloud of a surface")
     if len(rows) <= NORMAL_NEIGHBORS:
         counted = "points" if first is None else "distinct points"
         raise InputError(name, f"{len(rows)} {counted}", f"descriptors need more than {NORMAL_NEIGHBORS}")
     ready = cloud if isinstance(cloud, Cloud) and first is None else Cloud(rows, name=name)
-    scan = Scan(ready, normals, faces, name, points, rows=first, rounding=_find_rounding(ready))
+    scan = Scan(
+        ready, normals, faces, name, points, rows=first, places=places, rounding=_find_rounding(ready)
+    )
     if not isinstance(cloud, PointCloud) or cloud.viewpoint is None:
         return scan
     place = as_place(f"{name}.viewpoint", cloud.viewpoint)
@@ -256,7 +244,7 @@ def _sampled(name: str, mesh: PointCloud) -> Scan:
     points = real_points(name, mesh.points)
     _surface_of(name, mesh, len(points))
     scan = as_scan(name, replace(sample_mesh(mesh), viewpoint=mesh.viewpoint), distinct=True)
-    return replace(scan, given=points, rows=None, mesh=mesh)
+    return replace(scan, given=points, rows=None, places=None, mesh=mesh)
 
 
 def _needs_samples(name: str, mesh: PointCloud) -> bool:
@@ -279,8 +267,12 @@ def _needs_samples(name: str, mesh: PointCloud) -> bool:
 
 def _find_rounding(cloud: Cloud) -> float:
     """Return the spacing of single precision if it is too large for that of the points; else 0."""
+    core = core_cloud(cloud)
     with np.errstate(over="ignore", invalid="ignore"):  # coordinates beyond single precision
-        spacing = float(np.spacing(np.float32(np.abs(cloud.points).max())))
+        farthest = float(np.abs(core.center()).max()) + cloud.diagonal
+        if not np.spacing(np.float32(farthest)) > _LEAST_ROUNDED * cloud.diagonal:
+            return 0.0
+        spacing = float(np.spacing(np.float32(max(cloud.points.max(), -cloud.points.min()))))
         if (
             not spacing > _LEAST_ROUNDED * cloud.diagonal
             or (cloud.points.astype(np.float32) != cloud.points).any()
@@ -290,30 +282,22 @@ def _find_rounding(cloud: Cloud) -> float:
 
 
 def without_strays(scan: Scan) -> Scan:
-    """Remove outliers: single points far from all others, unless they are many.
-
-    With r the 9th decile of the distances from the median, a point beyond 3 r is an outlier if a cube of side
-    r / 2 around it has fewer than four points.
-    """
-    points = in_double(scan.cloud.points) @ scan.axes.T
-    center = np.median(points, axis=0)
-    size = float(np.quantile(np.linalg.norm(points - center, axis=1), 0.9))
-    away = [np.abs(points[:, axis] - center[axis]) > _FAR * size for axis in range(3)]
-    far = np.flatnonzero(away[0] | away[1] | away[2])
-    if size == 0 or len(far) == 0 or scan.faces is not None:
+    """Remove outliers: single points far from all others, unless they are many."""
+    strays = _core.find_outliers(core_cloud(scan.cloud), run_options(1))
+    if len(strays) == 0 or scan.faces is not None:
         return scan
-    alone = np.ones(len(far), dtype=bool)
-    for shift in (0.0, 0.5):  # points of a surface may be on both sides of a wall between two cubes
-        cubes = np.clip(np.floor((points[far] - center) / (_ROOM * size) + shift), -(2.0**60), 2.0**60)
-        _, rows, counts = np.unique(cubes, axis=0, return_inverse=True, return_counts=True)
-        alone &= counts[rows.reshape(-1)] < _ALONE
-    strays = far[alone]
-    if len(strays) == 0 or len(strays) > MOST_STRAYS * len(points):
-        return scan
-    kept = np.delete(np.arange(len(points)), strays)
+    kept = np.delete(np.arange(len(scan.cloud)), strays)
     normals = None if scan.normals is None else scan.normals[kept]
     cloud = Cloud(in_double(scan.cloud.points)[kept], name=scan.name)
     return replace(scan, cloud=cloud, normals=normals, strays=len(strays))
+
+
+def fill_between_rings(scan: Scan) -> Scan:
+    """Fill in the surface between the rings of a scanner with few beams; return other clouds unchanged."""
+    if scan.faces is not None or scan.normals is not None:
+        return scan
+    filled = _core.fill_between_rings(core_cloud(scan.cloud), scan.cloud.points, run_options(1))
+    return scan if filled is None else replace(scan, cloud=Cloud(filled, name=scan.name))
 
 
 def _surface_of(name: str, cloud: PointCloud, count: int) -> tuple[FloatArray | None, IndexArray | None]:

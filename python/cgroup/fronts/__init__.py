@@ -1,0 +1,1 @@
+"""Checked clouds (`scan`), their keypoints and descriptors (`paper_front`), and matches (`matching`)."""

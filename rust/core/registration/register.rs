@@ -1,0 +1,195 @@
+//! The search from coarse to fine voxels.
+
+use std::sync::Arc;
+
+use nalgebra::Vector3;
+
+use crate::error::Result;
+use crate::execution::Execution;
+use crate::geometry::rigid::Rigid;
+use crate::memory;
+
+use super::clock::{Clock, STAGES, Stage};
+use super::found::Found;
+use super::level::{Level, Pair, Refusal};
+use super::options::{Effort, Options, Proposer};
+use super::posterior::doubted;
+use super::prepared::Prepared;
+use super::proposals::VoxelMatches;
+use super::search::{finish, search};
+use super::settings::{ACCEPTED, ELSEWHERE, FEW_POINTS, FINE, LEAST_COARSE, PREPARED, SAME_PLACE, SURE};
+
+/// Rows of the voxel factors and numbers of matches per voxel: usual, of few points, of more effort.
+const USUAL: [(usize, usize); 2] = [(0, 1), (PREPARED, 1)];
+const OF_FEW: [(usize, usize); 3] = [(PREPARED, 1), (3, 1), (4, 1)];
+const FINER: (usize, usize) = (2, 3);
+
+/// The pose of two scans at the level that decided.
+#[derive(Debug)]
+pub struct Registered {
+    /// The pose, with the evidence for it.
+    pub found: Found,
+    /// The matches of that level.
+    pub matches: VoxelMatches,
+    /// Source and target at the voxel size of the search.
+    pub levels: [Arc<Level>; 2],
+    /// Wall time of each stage ([`STAGES`]).
+    pub seconds: [f64; STAGES.len()],
+}
+
+impl Registered {
+    /// Returns the result for a pose that was judged alone.
+    pub fn alone(found: Found, levels: [Arc<Level>; 2]) -> Self {
+        let matches = VoxelMatches::none(Pair { source: &levels[0], target: &levels[1] });
+        Self { found, matches, levels, seconds: [0.0; STAGES.len()] }
+    }
+}
+
+/// Result of [`register`].
+#[derive(Debug)]
+pub enum Outcome {
+    /// The best pose.
+    Found(Box<Registered>),
+    /// No pose can be proposed.
+    Nothing,
+    /// One of the scans, source (0) or target (1), has no level that can be searched.
+    Refused(usize, Refusal),
+}
+
+/// Registers two prepared scans: searches from coarse to fine voxels until a pose is sure. The result does not depend on the roles
+/// of the scans.
+///
+/// A finer level also compares the best poses of the coarser one. The most probable pose of all levels is returned.
+///
+/// # Errors
+/// [`crate::Error::InvalidInput`] for voxels that are too small for the box around a scan; [`crate::Error::Interrupted`],
+/// [`crate::Error::OutOfMemory`].
+pub fn register(
+    source: &Prepared,
+    target: &Prepared,
+    options: &Options,
+    execution: &Execution,
+) -> Result<Outcome> {
+    let clock = Clock::default();
+    let mut best: Option<Registered> = None;
+    for (row, k) in plan(source, target, options) {
+        let enough = if row == PREPARED { SURE } else { ACCEPTED };
+        if best.as_ref().is_some_and(|best| best.found.probability >= enough) {
+            break;
+        }
+        let (one, other) =
+            rayon::join(|| ready(source, row, options, execution), || ready(target, row, options, execution));
+        clock.end(Stage::Levels);
+        let levels = match (one?, other?) {
+            (Ok(one), Ok(other)) => [one, other],
+            (one, other) => {
+                if row == PREPARED && best.is_none() {
+                    let refused = one.err().map(|why| (0, why)).or(other.err().map(|why| (1, why)));
+                    return Ok(refused.map_or(Outcome::Nothing, |(side, why)| Outcome::Refused(side, why)));
+                }
+                continue;
+            }
+        };
+        let is_coarse = row < PREPARED;
+        if is_coarse && levels.iter().any(|level| level.len() < LEAST_COARSE) {
+            continue;
+        }
+        let finer = is_coarse.then(|| FINE[0] * source.voxel());
+        let found = search_level(levels, best.as_ref(), (options, k, finer), &clock, execution)?;
+        best = match (best, found) {
+            (Some(coarse), Some(fine)) => Some(choose(coarse, fine)),
+            (coarse, fine) => fine.or(coarse),
+        };
+    }
+    Ok(best.map_or(Outcome::Nothing, |best| {
+        Outcome::Found(Box::new(Registered { seconds: clock.seconds(), ..best }))
+    }))
+}
+
+/// Returns the more probable of the poses of two levels.
+///
+/// A coarse pose is doubted where the finer level found another place. At one place, a scale that fits better at the finer level
+/// counts against both.
+fn choose(mut coarse: Registered, fine: Registered) -> Registered {
+    let (one, other) = (&mut coarse.found, &fine.found);
+    let [source, _] = &fine.levels;
+    if displacement(source.points(), &one.refined.pose, &other.refined.pose) > SAME_PLACE * source.voxel() {
+        one.probability = doubted(one.probability, ELSEWHERE);
+    } else if other.scale_factor < one.scale_factor {
+        one.probability *= other.scale_factor / one.scale_factor;
+        (one.scale_factor, one.better_scale) = (other.scale_factor, other.better_scale);
+    }
+    if one.probability >= other.probability { coarse } else { fine }
+}
+
+/// Returns the mean displacement of points between two poses.
+fn displacement(points: &[Vector3<f64>], one: &Rigid, other: &Rigid) -> f64 {
+    let (turn, shift) = (one.rotation - other.rotation, one.translation - other.translation);
+    points.iter().map(|point| (turn * point + shift).norm()).sum::<f64>() / points.len().max(1) as f64
+}
+
+/// Returns the rows of the voxel factors that are searched one after the other, each with its matches per voxel.
+fn plan(source: &Prepared, target: &Prepared, options: &Options) -> Vec<(usize, usize)> {
+    if source.is_single() || target.is_single() {
+        return vec![(PREPARED, 1)];
+    }
+    let few = source.scan().points().len().min(target.scan().points().len()) < FEW_POINTS;
+    let mut rows = if few { OF_FEW.to_vec() } else { USUAL.to_vec() };
+    if few && options.effort == Effort::Low {
+        rows.truncate(1);
+    }
+    if options.effort == Effort::High && options.proposer == Proposer::Voxels {
+        rows.push(FINER);
+    }
+    rows
+}
+
+/// Returns a level of a scan with all that a search needs of it.
+fn ready(
+    scan: &Prepared,
+    row: usize,
+    options: &Options,
+    execution: &Execution,
+) -> Result<std::result::Result<Arc<Level>, Refusal>> {
+    let level = match scan.level(row, execution)? {
+        Ok(level) => level,
+        Err(why) => return Ok(Err(why)),
+    };
+    if options.uses_matches() {
+        level.described(execution)?;
+    }
+    level.fine_surface(0, execution)?;
+    level.planes(execution)?;
+    Ok(Ok(Arc::clone(level)))
+}
+
+/// Searches at one level, in the order of the scans that does not depend on their roles.
+fn search_level(
+    levels: [Arc<Level>; 2],
+    coarser: Option<&Registered>,
+    (options, k, finer): (&Options, usize, Option<f64>),
+    clock: &Clock,
+    execution: &Execution,
+) -> Result<Option<Registered>> {
+    let mut options = Options { is_coarse: finer.is_some(), ..options.clone() };
+    if let Some(coarser) = coarser {
+        memory::push(&mut options.proposed, coarser.found.refined.pose)?;
+        memory::extend(&mut options.proposed, coarser.found.poses.get(1..).unwrap_or_default())?;
+    }
+    let [source, target] = [&*levels[0], &*levels[1]];
+    let is_near = matches!(options.proposer, Proposer::Nearby(_));
+    let pair = Pair { source, target };
+    let is_turned = !is_near && order(target) < order(source);
+    let (ordered, asked) = if is_turned { (pair.turned(), options.turned()) } else { (pair, options) };
+    let Some((mut found, matches)) = search(ordered, &asked, k, clock, execution)? else { return Ok(None) };
+    finish(ordered, &mut found, finer, &asked, execution)?;
+    clock.end(Stage::Evidence);
+    let (found, matches) = if is_turned { (found.turned(), matches.turned()) } else { (found, matches) };
+    Ok(Some(Registered { matches, ..Registered::alone(found, levels) }))
+}
+
+/// Returns a sort key of a scan that does not depend on its frame: its size, then the distance of a voxel from the mean.
+fn order(level: &Level) -> (usize, f64) {
+    let first = level.points().first().map_or(0.0, |point| (point - level.scan().centroid()).norm());
+    (level.len(), first)
+}

@@ -1,0 +1,123 @@
+//! Numbers of the registration, each with its unit and source.
+//!
+//! "Fitted" numbers come from generated worlds and half of the pairs of real scans, with whole kinds of data left out in turn
+//! (`docs/registration-internals.md`). The others follow from the geometry that is stated beside them.
+
+use std::f64::consts::FRAC_1_SQRT_2;
+
+use crate::verification::alignment::{Course, FIRST_STEPS, LAST};
+
+/// Unit of the surfaces and of the matches, in voxels: about the distance between neighbouring voxels' noise.
+pub const UNIT: f64 = 0.4;
+/// Radius of the planes of normals, in voxels, and the most neighbours of one.
+pub const NORMAL_RADIUS: f64 = 2.0;
+/// Most neighbours of a voxel's plane.
+pub const NORMAL_NEIGHBORS: usize = 30;
+/// Radius of a descriptor's support, in voxels.
+pub const FEATURE_RADIUS: f64 = 5.0;
+/// Most neighbours of a descriptor's support.
+pub const FEATURE_NEIGHBORS: usize = 100;
+/// Radius of the support of SHOT's frames, in voxels.
+pub const FRAME_RADIUS: f64 = 8.0;
+/// Spacings of the fine surfaces, in voxels: the first one at which both clouds have planes is used.
+pub const FINE: [f64; 5] = [1.0 / 3.0, 2.0 / 3.0, 4.0 / 3.0, 8.0 / 3.0, 16.0 / 3.0];
+
+/// Voxels of a search, as multiples of the prepared one: coarse, fine, finer; then those for clouds of few points, which leave it
+/// to chance at which voxel the pose is found.
+pub const FACTORS: [f64; 5] = [2.0, 1.0, FRAC_1_SQRT_2, 1.25, 0.8];
+/// Row of the prepared voxel in [`FACTORS`].
+pub const PREPARED: usize = 1;
+/// Points of a cloud below which coarser voxels leave too few of them.
+pub const FEW_POINTS: usize = 300;
+/// Coarse voxels of either scan below which the search begins with finer ones.
+pub const LEAST_COARSE: usize = 200;
+
+/// Voxels below which a cloud is no surface.
+pub const FEW_VOXELS: usize = 20;
+/// Voxels beyond which matching each with all others takes more than some 20 seconds.
+pub const MOST_VOXELS: usize = 100_000;
+/// Share and number of the voxels with a normal, below which they are too far apart.
+pub const LEAST_PLANES: f64 = 0.1;
+/// See [`LEAST_PLANES`].
+pub const LEAST_PLANAR_VOXELS: usize = 10;
+/// Voxels below which unrelated clouds fit by chance.
+pub const LEAST_VOXELS: usize = 100;
+
+/// Largest residual of a match that agrees with a pose, in units.
+pub const AGREEING: f64 = 2.5;
+/// Poses kept after each stage of the race: of the proposals, and of the rivals.
+pub const KEPT: ([usize; 3], [usize; 3]) = ([150, 40, 8], [30, 12, 6]);
+/// Verified poses that are refined on the fine surfaces.
+pub const FINALISTS: usize = 8;
+/// The same near a rough pose.
+pub const NEARBY_FINALISTS: usize = 3;
+/// Rivals of the best pose that are compared with it, and that are searched for.
+pub const RIVALS: usize = 6;
+/// Finalists whose evidence is gathered before others are refined.
+pub const FIRST_FINALISTS: usize = 2;
+/// Refinement of a finalist that shows whether it may count.
+pub const ROUGHLY: Course = Course { first_step: 0, last_step: FIRST_STEPS, samples: 150, still: 0.1 };
+/// Refinement of the finalists that may count.
+pub const CLOSELY: Course = Course { samples: 500, still: 0.02, ..LAST };
+/// Last refinements of the best pose.
+pub const FINALLY: [Course; 2] =
+    [Course { samples: 1000, still: 0.01, ..LAST }, Course { last_step: FIRST_STEPS + 2, ..LAST }];
+/// Largest share by which the misfit falls after the rough refinement.
+pub const LESS_MISFIT: f64 = 0.3;
+/// Nats by which a pose leads those that do not count: with the same evidence their shares are below 0.02.
+pub const HOPELESS: f64 = 5.0;
+/// Degrees by which a pose may tilt an axis that both clouds share.
+pub const MAX_TILT: f64 = 10.0;
+
+/// Probability from which a pose is accepted.
+pub const ACCEPTED: f64 = 0.5;
+/// Probability from which the search ends.
+pub const SURE: f64 = 0.9;
+/// Nats against the pose of a coarse level if the finer one found another place. Fitted.
+pub const ELSEWHERE: f64 = 1.0;
+/// Mean displacement of the source between two poses of one place, in prepared voxels.
+pub const SAME_PLACE: f64 = 2.0;
+/// Largest number of open motions of an accepted pose: along a corridor a pose is still useful.
+pub const MOST_OPEN_MOTIONS: usize = 1;
+/// Matches beyond which more of them add no evidence.
+pub const MOST_MATCHES: usize = 20;
+/// Least standard deviation of a surface's points from its planes, in voxels.
+pub const LEAST_NOISE: f64 = 0.02;
+/// Share in free space that noise and coarse rings explain. Fitted.
+pub const CROSSED_BY_CHANCE: f64 = 0.02;
+/// Planes that wrong poses align too: three fix a pose, and among boxes a fourth is found by chance.
+pub const PLANES_BY_CHANCE: usize = 4;
+/// The same at coarse voxels, where planes near each other are one. Fitted.
+pub const COARSE_PLANES_BY_CHANCE: usize = 5;
+/// Largest number of further planes that count.
+pub const MOST_FURTHER_PLANES: usize = 3;
+/// Nats by which the best of equal poses leads. Fitted.
+pub const LEAD_BY_CHANCE: f64 = 1.0;
+/// Share of the best pose's probability from which another pose is an alternative.
+pub const AS_GOOD: f64 = 0.3;
+/// Least score of a pose: scores below it are equal.
+pub const LEAST_SCORE: f64 = 1e-3;
+/// Bound of exponents, in nats.
+pub const MOST_NATS: f64 = 30.0;
+
+/// Share of the resistance of all pairs up to which a motion may be open: planes whose normals are known to 5 degrees have
+/// 0.008.
+pub const OPEN: f64 = 0.01;
+/// Remaining share of a displacement from which a motion is open.
+pub const NOT_PULLED_BACK: f64 = 0.5;
+/// Displacement along a motion, in voxels.
+pub const DISPLACED: f64 = 1.0;
+/// Samples of either surface that pull a displaced pose back: for the covariance, and for open motions.
+pub const PULLING_SAMPLES: (usize, usize) = (300, 1000);
+/// Refinements of a displaced pose: for the covariance, and for open motions.
+pub const PULLING_ROUNDS: (usize, usize) = (1, 3);
+/// Largest number of independent residuals. Chosen on generated worlds, whose poses are exact.
+pub const INDEPENDENT: f64 = 1500.0;
+/// Neighbouring residuals with equal errors, if there are few residuals. Chosen on generated worlds.
+pub const ALIKE: f64 = 2.5;
+/// Least standard deviation of the residuals, in voxels.
+pub const LEAST_DEVIATION: f64 = 0.01;
+/// Weight of the remainders of displacements in the covariance. Chosen on generated worlds.
+pub const LEFT: f64 = 0.1;
+/// Least resistance of a motion in the covariance.
+pub const LEAST_RESISTANCE: f64 = 1e-6;
