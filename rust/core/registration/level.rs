@@ -302,7 +302,7 @@ impl Level {
         lazily(&self.parts, || find_parts(&self.points, self.scan.axes(), self.voxel)).map(Vec::as_slice)
     }
 
-    /// Returns the fine surface of a spacing of [`FINE`]; none if the cloud is too sparse for it.
+    /// Returns the fine surface of a spacing of `FINE`; none if the cloud is too sparse for it.
     ///
     /// # Errors
     /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].

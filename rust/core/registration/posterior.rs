@@ -78,7 +78,7 @@ impl Case {
 /// Returns the probability that the best pose is right, `1 / (1 + n e^-E + sum_r e^(1 - L_r))`, and pushes the share of each
 /// rival as a multiple of it. E is the lead over chance, n the number of tried scales, `L_r` the lead over rival r.
 ///
-/// The best of equal poses leads by chance, so a rival has a full share until the lead exceeds [`LEAD_BY_CHANCE`].
+/// The best of equal poses leads by chance, so a rival has a full share until the lead exceeds `LEAD_BY_CHANCE`.
 pub fn share_probability(
     cases: &[Case],
     scales: usize,

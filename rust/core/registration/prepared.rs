@@ -83,7 +83,7 @@ impl Prepared {
         self.is_single
     }
 
-    /// Returns the level of a row of [`FACTORS`], or the reason why there is none.
+    /// Returns the level of a row of `FACTORS`, or the reason why there is none.
     ///
     /// # Errors
     /// As for [`Level::new`].
