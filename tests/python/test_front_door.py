@@ -171,6 +171,15 @@ def test_errors_from_within_a_function_stay_what_they_are() -> None:
         prepare(PAIR.source, progress=fail)
 
 
+@pytest.mark.parametrize("share", [0.12, 0.16, 0.2])
+def test_coarse_voxels_that_are_no_surface_are_passed_over(share: float) -> None:
+    voxel = share * np.ptp(PAIR.source.points, axis=0).max()
+    source, target = (prepare(cloud, voxel=voxel) for cloud in (PAIR.source, PAIR.target))
+    assert min(len(source), len(target)) >= 20
+    (done,) = register_many([target, source])
+    assert done is None or done.voxel == voxel
+
+
 @pytest.mark.parametrize("viewpoint", [None, PAIR.source_viewpoint])
 def test_prepared_scans_can_be_pickled(viewpoint: tuple[float, float, float] | None) -> None:
     source = prepare(PAIR.source, viewpoint=viewpoint)

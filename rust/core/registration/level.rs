@@ -1,5 +1,6 @@
 //! A scan downsampled to voxels of one size, with everything that registration computes from them.
 
+use std::ops::RangeInclusive;
 use std::sync::{Arc, OnceLock};
 
 use nalgebra::{Point3, Vector3};
@@ -22,7 +23,7 @@ use super::parts::{Part, find_parts};
 use super::planes::Planes;
 use super::scan::Scan;
 use super::settings::{
-    FEATURE_NEIGHBORS, FEATURE_RADIUS, FEW_VOXELS, FINE, FRAME_RADIUS, LEAST_PLANAR_VOXELS, LEAST_PLANES,
+    FEATURE_NEIGHBORS, FEATURE_RADIUS, FINE, FRAME_RADIUS, LEAST_PLANAR_VOXELS, LEAST_PLANES,
     NORMAL_NEIGHBORS, NORMAL_RADIUS, UNIT,
 };
 
@@ -99,7 +100,7 @@ pub struct Level {
 
 impl Level {
     /// Downsamples a scan, and estimates the normals of its voxels; a refusal if they do not form a surface,
-    /// or are more than `most`.
+    /// or if their number is not `allowed`.
     ///
     /// # Errors
     /// [`crate::Error::InvalidInput`] for voxels that are too small for the box around the scan; [`crate::Error::Interrupted`],
@@ -109,14 +110,14 @@ impl Level {
         voxel: f64,
         radii: Radii,
         outside: Outside,
-        most: usize,
+        allowed: RangeInclusive<usize>,
         execution: &Execution,
     ) -> Result<std::result::Result<Self, Refusal>> {
         let given = if outside == Outside::Given { scan.normals() } else { None };
         let voxels = thin_own(scan.own(), given, voxel, execution)?;
         match voxels.points.len() {
-            count if count < FEW_VOXELS => return Ok(Err(Refusal::Few(count))),
-            count if count > most => return Ok(Err(Refusal::Many(count))),
+            count if count < *allowed.start() => return Ok(Err(Refusal::Few(count))),
+            count if count > *allowed.end() => return Ok(Err(Refusal::Many(count))),
             _ => {}
         }
         let cloud = Cloud::new(Points::from_rows("voxels", &voxels.points)?);
@@ -284,6 +285,18 @@ impl Level {
             descriptors: Descriptors::new("descriptors", &kept, fpfh::LENGTH)?,
             rows,
         })
+    }
+
+    /// Computes what a search needs of the level; descriptors only if matches take part.
+    ///
+    /// # Errors
+    /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
+    pub fn complete(&self, is_matched: bool, execution: &Execution) -> Result<()> {
+        if is_matched {
+            self.described(execution)?;
+        }
+        self.fine_surface(0, execution)?;
+        self.planes(execution).map(drop)
     }
 
     /// Returns the planes of the voxels.

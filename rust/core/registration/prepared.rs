@@ -3,13 +3,13 @@
 use std::sync::{Arc, OnceLock};
 
 use crate::cloud::Cloud;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::execution::Execution;
 
 use super::lazy::lazily;
 use super::level::{Level, Outside, Radii, Refusal};
 use super::scan::Scan;
-use super::settings::{FACTORS, FEW_POINTS, LEAST_COARSE, MOST_VOXELS, PREPARED};
+use super::settings::{FACTORS, FEW_POINTS, FEW_VOXELS, LEAST_COARSE, MOST_VOXELS, PREPARED};
 
 /// A scan with its levels from coarse to fine, each made when it is first needed.
 #[derive(Debug)]
@@ -94,7 +94,12 @@ impl Prepared {
     ) -> Result<std::result::Result<&Arc<Level>, Refusal>> {
         let found = lazily(&self.levels[row], || {
             let (scan, size) = (Arc::clone(&self.scan), FACTORS[row] * self.voxel);
-            Ok(Level::new(scan, size, self.radii, self.outside, self.most, execution)?.map(Arc::new))
+            let least = if row < PREPARED { LEAST_COARSE } else { FEW_VOXELS };
+            match Level::new(scan, size, self.radii, self.outside, least..=self.most, execution) {
+                // Only the prepared voxel is the caller's choice.
+                Err(Error::InvalidInput { .. }) if row != PREPARED => Ok(Err(Refusal::Few(0))),
+                made => Ok(made?.map(Arc::new)),
+            }
         })?;
         Ok(found.as_ref().map_err(|refusal| *refusal))
     }
@@ -106,16 +111,12 @@ impl Prepared {
     pub fn begin(&self, execution: &Execution) -> Result<Option<Refusal>> {
         let is_small = self.is_single || self.scan.points().len() < FEW_POINTS;
         let mut level = self.level(if is_small { PREPARED } else { 0 }, execution)?;
-        if level.is_ok_and(|level| level.len() < LEAST_COARSE) {
+        if level.is_err() {
             level = self.level(PREPARED, execution)?;
         }
-        let level = match level {
-            Ok(level) => level,
-            Err(why) => return Ok(Some(why)),
-        };
-        level.described(execution)?;
-        level.fine_surface(0, execution)?;
-        level.planes(execution)?;
-        Ok(None)
+        match level {
+            Ok(level) => level.complete(true, execution).map(|()| None),
+            Err(why) => Ok(Some(why)),
+        }
     }
 }

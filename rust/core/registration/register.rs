@@ -17,7 +17,7 @@ use super::posterior::doubted;
 use super::prepared::Prepared;
 use super::proposals::VoxelMatches;
 use super::search::{finish, search};
-use super::settings::{ACCEPTED, ELSEWHERE, FEW_POINTS, FINE, LEAST_COARSE, PREPARED, SAME_PLACE, SURE};
+use super::settings::{ACCEPTED, ELSEWHERE, FEW_POINTS, FINE, PREPARED, SAME_PLACE, SURE};
 
 /// Rows of the voxel factors and numbers of matches per voxel: usual, of few points, of more effort.
 const USUAL: [(usize, usize); 2] = [(0, 1), (PREPARED, 1)];
@@ -90,11 +90,7 @@ pub fn register(
                 continue;
             }
         };
-        let is_coarse = row < PREPARED;
-        if is_coarse && levels.iter().any(|level| level.len() < LEAST_COARSE) {
-            continue;
-        }
-        let finer = is_coarse.then(|| FINE[0] * source.voxel());
+        let finer = (row < PREPARED).then(|| FINE[0] * source.voxel());
         let found = search_level(levels, best.as_ref(), (options, k, finer), &clock, execution)?;
         best = match (best, found) {
             (Some(coarse), Some(fine)) => Some(choose(coarse, fine)),
@@ -155,11 +151,7 @@ fn ready(
         Ok(level) => level,
         Err(why) => return Ok(Err(why)),
     };
-    if options.uses_matches() {
-        level.described(execution)?;
-    }
-    level.fine_surface(0, execution)?;
-    level.planes(execution)?;
+    level.complete(options.uses_matches(), execution)?;
     Ok(Ok(Arc::clone(level)))
 }
 
