@@ -55,7 +55,7 @@ GROUPS: dict[str, dict[str, str]] = {
         "Matching": "match Matches",
     },
     "cgroup.registration": {
-        "Two clouds": "register refine assess Registration",
+        "Two clouds": "register refine assess Registration false_accepts FalseAccepts",
         "Many clouds": "prepare PreparedScan register_many",
         "Models in scenes": "recognize find_instances Recognized",
         "The dense front": "DenseFront",

@@ -58,8 +58,8 @@ _Alignment: TypeAlias = tuple[
 
 _Refusal: TypeAlias = tuple[str, int, int]  # kind, and two numbers of voxels
 _Case: TypeAlias = tuple[
-    float, int, float, float, int, float
-]  # score, support, misfit, cells, planes, crossed
+    float, int, float, float, int, float, float
+]  # score, support, misfit, cells, planes, crossed, chance
 
 _Graph: TypeAlias = tuple[
     RealArray, IndexArray, RealArray, RealArray, RealArray
@@ -186,6 +186,7 @@ class Registered:
     motions: int
     better_scale: float
     scale_factor: float
+    decoy: float | None
     cases: list[_Case]
     shares: FloatArray
     places: FloatArray

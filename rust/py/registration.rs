@@ -232,18 +232,20 @@ fn triples<'py>(py: Python<'py>, rows: &[Vector3<f64>]) -> PyResult<Bound<'py, P
     array(py, rows.iter().flat_map(|row| [row.x, row.y, row.z]))?.reshape([rows.len(), 3])
 }
 
-/// Evidence for a pose: score, support, misfit, cells, planes, violations of free space (NaN without viewpoints).
-pub type PyCase = (f64, usize, f64, f64, usize, f64);
+/// Evidence for a pose: score, support, misfit, cells, planes, violations of free space (NaN without viewpoints), nats that chance
+/// reaches (NaN if unknown).
+pub type PyCase = (f64, usize, f64, f64, usize, f64, f64);
 
 fn py_case(case: &Case) -> PyCase {
     let Evidence { cells, planes, crossed } = case.evidence;
-    (case.score, case.support, case.misfit, cells, planes, crossed.unwrap_or(f64::NAN))
+    let [crossed, chance] = [crossed, case.chance].map(|number| number.unwrap_or(f64::NAN));
+    (case.score, case.support, case.misfit, cells, planes, crossed, chance)
 }
 
 /// Reads the evidence for a pose.
-pub fn case((score, support, misfit, cells, planes, crossed): PyCase) -> Case {
-    let crossed = Some(crossed).filter(|share| !share.is_nan());
-    Case { score, support, misfit, evidence: Evidence { cells, planes, crossed } }
+pub fn case((score, support, misfit, cells, planes, crossed, chance): PyCase) -> Case {
+    let [crossed, chance] = [crossed, chance].map(|number| Some(number).filter(|number| !number.is_nan()));
+    Case { score, support, misfit, evidence: Evidence { cells, planes, crossed }, chance }
 }
 
 /// Returns the evidence for a pose in nats, to be compared with that for other poses of the same scans.
@@ -257,7 +259,7 @@ pub fn weigh(evidence: PyCase) -> f64 {
 pub fn share_probability(cases: Vec<PyCase>, scales: usize) -> (f64, Vec<f64>) {
     let cases: Vec<Case> = cases.into_iter().map(case).collect();
     let mut shares = Vec::new();
-    let probability = core::share_probability(&cases, scales, core::PLANES_BY_CHANCE, &mut shares);
+    let probability = core::share_probability(&cases, scales, &mut shares);
     (probability, shares)
 }
 
@@ -363,6 +365,11 @@ impl Registered {
     #[getter]
     fn probability(&self) -> f64 {
         self.core.found.probability
+    }
+
+    #[getter]
+    fn decoy(&self) -> Option<f64> {
+        self.core.found.decoy
     }
 
     #[getter]

@@ -3,6 +3,7 @@
 import numpy as np
 
 from cgroup.datasets import standin_pair
+from cgroup.registration.decoys import count_false_accepts
 from cgroup.rigid import invert
 from cgroup.scenes import Edge, Scene
 from cgroup.types import FloatArray, PointCloud
@@ -44,6 +45,7 @@ def known_scene(**changes: object) -> Scene:
         "scans": clouds,
         "voxel": 5.0,
         "tried": 6,
+        "false_accepts": count_false_accepts([True] * 3, [False] * 3),
         "notes": ("stranger.ply belongs to no other scan",),
         "seconds": {"prepare": 0.1, "pairs": 0.5},
     }

@@ -148,6 +148,7 @@ def _registration() -> dict[str, dict[str, Any]]:
         "register": pair | voxel | {"effort": "low"},
         "assess": pair | voxel | {"T_target_source": PAIR.T_target_source},
         "refine": pair | voxel | {"T_target_source": PAIR.T_target_source},
+        "false_accepts": {"results": [None]},
         "register_many": {"scans": [PAIR.source, PAIR.target]} | voxel,
         "recognize": {"models": {"a": PAIR.source}, "scene": scene} | voxel,
         "find_instances": {"model": PAIR.source, "scene": scene} | voxel,

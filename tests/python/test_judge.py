@@ -49,21 +49,25 @@ def case(
     crossed: float = 0.0,
     cells: float = 50.0,
     planes: int = 4,
+    chance: float = float("nan"),
 ) -> Case:
-    return score, support, misfit, cells, planes, crossed
+    return score, support, misfit, cells, planes, crossed, chance
 
 
 def lead_over_chance(case: Case) -> float:
-    """The lead of a pose over poses of unrelated scans, in nats."""
-    score, _, misfit, cells, planes, crossed = case
-    nats = 2.0 * np.log(max(score, 1e-3)) + 2.1 * np.log1p(cells) + 3.0 * np.clip(planes - 4, 0, 3)
+    """The lead of a pose over poses of unrelated scans, or over the best that chance reaches, in nats."""
+    score, support, misfit, cells, planes, crossed, chance = case
+    by_chance = 4 if np.isnan(chance) else 5
+    nats = 2.0 * np.log(max(score, 1e-3)) + 2.1 * np.log1p(cells) + 3.0 * np.clip(planes - by_chance, 0, 3)
     nats -= 3.0 * np.log(max(misfit, 1.0))
-    return float(nats) if np.isnan(crossed) else float(nats - 5.0 * np.log1p(crossed / 0.02) + 2.8)
+    nats = nats if np.isnan(crossed) else nats - 5.0 * np.log1p(crossed / 0.02) + 2.8
+    searched = nats + 1.35 * np.log1p(support) - 3.0 * np.log(max(misfit / 4.5, 1.0)) - chance - 1.05
+    return float(nats if np.isnan(chance) else searched)
 
 
 def lead_over_rivals(case: Case) -> float:
     """The evidence for a pose, in nats, to be compared with that for other poses of the same scans."""
-    score, support, misfit, cells, planes, crossed = case
+    score, support, misfit, cells, planes, crossed, _ = case
     nats = 4.0 * np.log(max(score, 1e-3)) + 0.5 * np.log1p(min(support, 20)) + 0.8 * np.log1p(cells)
     nats += 0.6 * np.clip(planes - 4, 0, 3) - 1.5 * np.log(max(misfit, 1.0))
     return float(nats - 1.5 * np.log1p(np.nan_to_num(crossed) / 0.02))
@@ -76,6 +80,7 @@ CASES = st.tuples(
     st.floats(0, 500),
     st.integers(0, 12),
     st.floats(0, 1) | st.just(float("nan")),
+    st.floats(-10, 20) | st.just(float("nan")),
 )
 
 

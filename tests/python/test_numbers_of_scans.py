@@ -15,6 +15,7 @@ from cgroup.cli.documents import as_text, make_document
 from cgroup.io import write_file
 from cgroup.io.transforms import format_log
 from cgroup.pose_graph.files import motion_lines
+from cgroup.registration.decoys import count_false_accepts
 from cgroup.rigid import invert
 from cgroup.scenes import Scene
 from cgroup.types import FloatArray
@@ -80,7 +81,20 @@ def placed(components: list[list[int]], names: list[str]) -> Scene:
     for rows in components:
         poses[rows] = invert(TRUE[rows[0]]) @ TRUE[rows]
     nothing = np.zeros((12, 6, 6))
-    return Scene(poses, components, [], np.ones(12), nothing, names, (None,) * 12, 1.0, 0, (), {})  # type: ignore[arg-type]
+    return Scene(
+        poses,
+        components,
+        [],
+        np.ones(12),
+        nothing,
+        names,
+        (None,) * 12,
+        1.0,
+        0,
+        count_false_accepts([], []),
+        (),
+        {},
+    )  # type: ignore[arg-type]
 
 
 def score(capsys: pytest.CaptureFixture[str], found: Path, truth: Path) -> dict[str, Any]:

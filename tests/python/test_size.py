@@ -26,7 +26,7 @@ MOST_LINES = {
     "pages/": 1_130,
     "plots/": 1_480,
     "recognition/": 460,
-    "registration/": 2_130,
+    "registration/": 2_200,
     "scenes/": 1_980,
 }
 """Lines of the package and of its rooms, with docstrings and blank lines."""

@@ -15,7 +15,6 @@ from cgroup.io.result_folders import check_folder
 from cgroup.registration import Descriptor, Detector, Effort, Normals
 from cgroup.registry import METHOD_INFO, METHODS
 
-# Sections of the help texts.
 CLOUDS = "Clouds"
 SEARCH = "Search"
 GROUPING = "Grouping"

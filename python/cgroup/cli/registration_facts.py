@@ -38,6 +38,7 @@ def registration_results(
         "scale": done.scale,
         "scale_deviation": done.scale_deviation,
         "probability": done.probability,
+        "decoy_probability": done.decoy_probability,
         "fitness": done.fitness,
         "target_fitness": done.target_fitness,
         "inlier_rmse": done.inlier_rmse,

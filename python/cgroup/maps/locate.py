@@ -172,10 +172,8 @@ class _Locating:
                         for pose, case in zip(poses, found.cases, strict=True)
                     ]
             done = self._weigh()
-            enough = (
-                pairwise.is_accepted if tried + settings.AT_A_TIME >= settings.ENOUGH else pairwise.is_sure
-            )
-            if done and enough(done[0][0].probability):
+            is_late = tried + settings.AT_A_TIME >= settings.ENOUGH
+            if done and done[0][0].probability >= (pairwise.ACCEPTED if is_late else settings.SURE):
                 break
         return done
 
@@ -251,7 +249,10 @@ class _Locating:
             : 1 + settings.RIVALS
         ]
         best, *rivals = (ranked[row] for row in rows)
-        chance, shares = pairwise.share_probability([best.case, *(rival.case for rival in rivals)])
+        # What chance reaches in any of the places.
+        reached = max(candidate.case[-1] for candidate in self._candidates)
+        cases = [(*candidate.case[:-1], reached) for candidate in (best, *rivals)]
+        chance, shares = pairwise.share_probability(cases)
         chance = pairwise.bound_by_motions(chance, best.found.motions)
         chance = pairwise.bound_by_size(chance, self.source, best.place) * best.found.scale_factor
         alike = np.flatnonzero(pairwise.are_alternatives(chance, shares)).tolist()

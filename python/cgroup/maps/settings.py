@@ -18,6 +18,7 @@ SCAN_VOXELS = 1200  # approximate number of voxels of a scan
 COMPARED, COMPARISONS = (100, 400), 10**8  # least and most descriptors of a scan; approximate comparisons
 WHOLE = 10_000  # largest number of voxels of a map that is registered as a whole
 AT_A_TIME, FROM_ABOVE, ALIKE_PLACES = 2, 4, 8  # places at a time; most places from above, and by descriptors
+SURE = 0.9  # probability that ends the search among places
 ENOUGH = 4  # number of tried places from which an accepted pose suffices; before, it must be sure
 SLACK = 2.0  # allowed distance of the origin beyond the radius
 WITHIN = 0.9  # share of a scan's voxels within its radius

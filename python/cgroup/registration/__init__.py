@@ -24,6 +24,7 @@ from cgroup.fronts.paper_front import (
     surface_normals,
 )
 from cgroup.fronts.scan import NORMALS, Normals
+from cgroup.registration.decoys import FalseAccepts, false_accepts
 from cgroup.registration.prepare import DenseFront, PreparedScan, prepare
 from cgroup.registration.register import assess, refine, register, register_many
 from cgroup.registration.result import Registration
@@ -45,6 +46,7 @@ __all__ = [
     "Descriptor",
     "Detector",
     "Effort",
+    "FalseAccepts",
     "Normals",
     "PaperFront",
     "PreparedScan",
@@ -55,6 +57,7 @@ __all__ = [
     "correspond",
     "describe",
     "detect",
+    "false_accepts",
     "find_instances",
     "match_described",
     "prepare",

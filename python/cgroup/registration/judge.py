@@ -17,7 +17,6 @@ from cgroup.rigid import apply
 from cgroup.types import Agreement, BoolArray, Correspondences, FloatArray, Grouping, Rule
 
 ACCEPTED = 0.5  # probability from which a pose is accepted
-SURE = 0.9  # probability from which the search ends
 GROUP_WITHIN = 2.0  # residual in voxels within which a match belongs to the verified group
 MOST_OPEN_MOTIONS = 1  # largest number of open motions: along a corridor a pose is still useful
 MOST_REPEATS = 0.01  # share of repeated points from which a note is added
@@ -25,8 +24,8 @@ AS_GOOD = 0.3  # share of the best pose's probability from which another one cou
 _SIZES_DIFFER = 1.5
 _SLIGHT = 0.1  # part of a motion that is left out of its description, beside the other part
 
-Case: TypeAlias = "tuple[float, int, float, float, int, float]"
-"""Evidence for a pose: score, agreeing matches, misfit, cells, planes, share in free space (or NaN)."""
+Case: TypeAlias = "tuple[float, int, float, float, int, float, float]"
+"""Evidence: score, agreeing matches, misfit, cells, planes, share in free space (or NaN), chance (or NaN)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,12 +45,11 @@ class Found:
     covariance: Callable[[], FloatArray]  # computes the covariance, (6,6)
     motions: int = 0  # number of open motions
     cases: Sequence[Case] = ()  # evidence for the pose, and for its rivals
-    shares: FloatArray = field(
-        default_factory=lambda: np.empty(0)
-    )  # probability of each rival, as a multiple
+    shares: FloatArray = field(default_factory=lambda: np.empty(0))  # probability of rivals, as a multiple
     places: FloatArray = field(default_factory=lambda: np.empty((0, 4, 4)))  # (c,4,4), poses of the cases
     better_scale: float = 1.0  # scale of the source that fits clearly better than 1, or 1
     scale_factor: float = 1.0  # factor of the probability by that scale
+    decoy: float | None = None  # probability of the best pose of the mirrored source
     seconds: dict[str, float] = field(default_factory=dict)  # wall time of the stages
 
     @cached_property
@@ -109,11 +107,6 @@ def is_accepted(probability: float) -> bool:
     return probability >= ACCEPTED
 
 
-def is_sure(probability: float) -> bool:
-    """Return whether a pose is probable enough to end the search."""
-    return probability >= SURE
-
-
 def share_probability(cases: Sequence[Case], scales: int = 1) -> tuple[float, FloatArray]:
     """Return the probability of the first pose, and that of each other as a multiple of it."""
     chance, shares = _core.share_probability(list(cases), scales)
@@ -123,9 +116,9 @@ def share_probability(cases: Sequence[Case], scales: int = 1) -> tuple[float, Fl
 def are_alternatives(probability: float, shares: FloatArray) -> BoolArray:
     """Return the mask of rivals with at least 30 % of the best pose's probability.
 
-    It is empty if all of them together are not accepted.
+    It is empty if the best pose would not be accepted without rivals.
     """
-    return (shares >= AS_GOOD) & is_accepted(probability * (1.0 + float(shares.sum())))
+    return (shares >= AS_GOOD) & is_accepted(probability / (1.0 - probability * float(shares.sum())))
 
 
 def bound_by_size(probability: float, *scans: PreparedScan) -> float:

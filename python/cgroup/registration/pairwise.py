@@ -2,9 +2,8 @@
 
 `as_given` checks a scan, `agree` chooses voxel and radii of all, and `Preparation` prepares each.
 `Search.run` finds the pose of two, `confirm_pose` refines and weighs a given one; both return a `Found`.
-`judge` decides, and `registration_of` returns the result. Rooms that compare poses of several pairs share
-the probability among them by `share_probability`, `are_alternatives`, `bound_by_size`, `bound_by_motions`
-and `choose_apart`.
+`judge` decides, and `registration_of` returns the result. `share_probability` and the functions beside it
+compare poses of several pairs.
 """
 
 from __future__ import annotations
@@ -15,9 +14,9 @@ from numpy.typing import ArrayLike
 
 from cgroup._checks.values import as_count, as_items, refusal
 from cgroup.errors import InputError
+from cgroup.registration.decoys import FalseAccepts, count_false_accepts
 from cgroup.registration.judge import (
     ACCEPTED,
-    SURE,
     Case,
     Found,
     are_alternatives,
@@ -25,7 +24,6 @@ from cgroup.registration.judge import (
     bound_by_size,
     choose_apart,
     is_accepted,
-    is_sure,
     judge,
     share_probability,
 )
@@ -47,10 +45,10 @@ __all__ = [
     "EFFORTS",
     "FINE",
     "LEAST_VOXELS",
-    "SURE",
     "Case",
     "DenseFront",
     "Effort",
+    "FalseAccepts",
     "Found",
     "Given",
     "Preparation",
@@ -67,8 +65,8 @@ __all__ = [
     "bound_by_size",
     "choose_apart",
     "confirm_pose",
+    "count_false_accepts",
     "is_accepted",
-    "is_sure",
     "judge",
     "merge_clouds",
     "registration_of",

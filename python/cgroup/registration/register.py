@@ -447,10 +447,8 @@ def _as_both(
 ) -> tuple[Given, Given]:
     """Check two clouds, with a common viewpoint or one of each."""
     one, other = viewpoint if of_source is None else of_source, viewpoint if of_target is None else of_target
-    return (
-        as_given("source", source, one, or_stored=True),
-        as_given("target", target, other, or_stored=True),
-    )
+    first = as_given("source", source, one, or_stored=True)
+    return first, as_given("target", target, other, or_stored=True)
 
 
 def _prepare_both(
@@ -471,9 +469,7 @@ def _register(
 
 def _fronts_of(front: object, others: dict[str, object]) -> tuple[DenseFront | None, PaperFront | None]:
     """Return the dense front if one is given, and the paper's front if it is used; only one may propose."""
-    if not isinstance(front, str | DenseFront | PaperFront) or (
-        isinstance(front, str) and front not in FRONTS
-    ):
+    if not isinstance(front, DenseFront | PaperFront) and not (isinstance(front, str) and front in FRONTS):
         remedy = f"choose one of {', '.join(FRONTS)}, or give a DenseFront or PaperFront"
         raise refusal("front", front, remedy)
     given = {**others, "front": None if front == "dense" else front}
@@ -489,6 +485,5 @@ def _refuse_beside_scale(**others: object) -> None:
     """Raise for arguments in the source's unit, which is unknown."""
     for name, value in others.items():
         if value is not None:
-            raise InputError(
-                f"scale, {name}", remedy=f"the scale is estimated from all voxels; leave out `{name}`"
-            )
+            remedy = f"the scale is estimated from all voxels; leave out `{name}`"
+            raise InputError(f"scale, {name}", remedy=remedy)

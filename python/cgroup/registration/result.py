@@ -86,6 +86,9 @@ class Registration:
         are in the target's unit, and `covariance` is that of the source in that unit, at this scale.
     scale_deviation : float
         Relative standard deviation of `scale`; 0 unless it was estimated.
+    decoy_probability : float or None
+        Probability of the best pose of the mirrored source, a wrong one, for `false_accepts`; None if no pose
+        was searched for.
     """
 
     T_target_source: FloatArray
@@ -103,6 +106,7 @@ class Registration:
     seconds: dict[str, float]
     scale: float = 1.0
     scale_deviation: float = 0.0
+    decoy_probability: float | None = None
     _covariance: FloatArray | Callable[[], FloatArray] = field(
         default_factory=lambda: np.full((6, 6), np.nan)
     )
@@ -296,6 +300,7 @@ def registration_of(found: Found, judgement: Judgement, seconds: dict[str, float
         correspondences=found.matches,
         voxel=found.voxel,
         notes=judgement.notes,
+        decoy_probability=found.decoy,
         seconds={stage: value for stage, value in seconds.items() if stage != SEARCH} | found.seconds,
         _covariance=found.covariance,
     )

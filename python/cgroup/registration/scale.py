@@ -46,8 +46,7 @@ def register_scaled(
         raise refused((source, target)[side].scan, size, why)
     if excluded is not None:
         near = f"the clouds' sizes give {excluded[0]:.3g}, to a factor of {excluded[1]:g}"
-        told = f"({bounds[0]:g}, {bounds[1]:g})"
-        raise InputError("scale", told, f"{near}: give bounds around that ratio")
+        raise InputError("scale", "({:g}, {:g})".format(*bounds), f"{near}: give bounds around that ratio")
     assert scaled is not None  # noqa: S101 - one of the three
     source, target = _in_the_target_unit(scaled, source, target)
     found = None if scaled.pose is None else replace(search, proposed=scaled.pose[None]).run(source, target)

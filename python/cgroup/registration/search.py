@@ -159,6 +159,7 @@ def found_of(
         places=found.places,
         better_scale=found.better_scale,
         scale_factor=found.scale_factor,
+        decoy=found.decoy,
         seconds=dict(found.seconds),
     )
 

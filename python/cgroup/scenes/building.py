@@ -10,7 +10,7 @@ import numpy as np
 from cgroup._runtime.progress import StageClock, ignore_progress
 from cgroup.pose_graph import PoseGraph
 from cgroup.registration import Effort, PreparedScan
-from cgroup.registration.pairwise import SURE, is_accepted
+from cgroup.registration.pairwise import FalseAccepts, count_false_accepts, is_accepted
 from cgroup.rigid import invert
 from cgroup.rigid.se3 import adjoint
 from cgroup.scenes import settings
@@ -107,8 +107,8 @@ class SceneBuilder:
         for pair, pose in zip(pairs, moved, strict=True):
             found = self._links.get(pair)
             if found is None or not found.is_accepted:
-                self._links[pair] = Link(pose[None], np.array([SURE]), spread, 0.0, 0.0)
-                self._chances[pair] = SURE
+                self._links[pair] = Link(pose[None], np.array([settings.FIRM]), spread, 0.0, 0.0)
+                self._chances[pair] = settings.FIRM
                 self._seen.add(pair)
 
     def grown(self, scan: PreparedScan, call: CallEach) -> SceneBuilder:
@@ -198,6 +198,7 @@ class SceneBuilder:
             scans=(),
             voxel=self._voxel,
             tried=len(self._tried),
+            false_accepts=self._count_false_accepts(),
             notes=(),
             seconds=self._clock.stop(),
         )
@@ -216,7 +217,7 @@ class SceneBuilder:
             np.array(rows, dtype=np.int64).reshape(-1, 2),
             np.array([refined[pair].pose for pair in rows]).reshape(-1, 4, 4),
             np.array([refined[pair].covariance for pair in rows]).reshape(-1, 6, 6),
-            np.full(len(rows), SURE),
+            np.full(len(rows), settings.FIRM),
             self._middles,
             self._voxel,
             settings.EXACT,
@@ -264,6 +265,13 @@ class SceneBuilder:
                 )
             )
         return edges
+
+    def _count_false_accepts(self) -> FalseAccepts:
+        """Estimate the wrong ones among the links that are accepted from their two scans."""
+        links = [found for found in self._links.values() if not np.isnan(found.decoy)]
+        return count_false_accepts(
+            [found.is_accepted for found in links], [is_accepted(found.decoy) for found in links]
+        )
 
     def _probabilities(self, kept: Mapping[tuple[int, int], float]) -> FloatArray:
         """Return the least probable link on the best path from the first scan of its component to each."""

@@ -22,6 +22,7 @@ class Link:
     covariance: FloatArray  # (6,6), of the best one, as `Registration.covariance`; NaN if it was not computed
     fitness: float  # share of the source's surface that overlaps the target's under the best one
     target_fitness: float  # share of the target's surface that overlaps the source's
+    decoy: float = np.nan  # probability of the best pose of the mirrored source; NaN if none was searched for
 
     @property
     def pose(self) -> FloatArray:
@@ -49,7 +50,7 @@ class Link:
         back = np.asarray(np.linalg.inv(self.poses), np.float64)
         change = adjoint(back[0])  # T^-1 = Exp(-Ad(T^-1) x) T_found^-1
         covariance = change @ self.covariance @ change.T
-        return Link(back, self.chances, covariance, self.target_fitness, self.fitness)
+        return Link(back, self.chances, covariance, self.target_fitness, self.fitness, self.decoy)
 
 
 def link(
@@ -69,7 +70,8 @@ def link(
     total = chances.sum()
     chances *= bound_by_motions(total, found.motions) / total  # for any best pose
     places = np.concatenate([found.pose[None], found.places[1:]])
-    return Link(places, chances, found.covariance(), found.fitness, found.target_fitness)
+    decoy = np.nan if found.decoy is None else found.decoy
+    return Link(places, chances, found.covariance(), found.fitness, found.target_fitness, decoy)
 
 
 def confirm(source: PreparedScan, target: PreparedScan, pose: FloatArray) -> Link | None:

@@ -26,7 +26,7 @@ from cgroup.io.scan_names import list_names, names_file
 from cgroup.pose_graph import PoseGraph
 from cgroup.pose_graph.files import motion_lines
 from cgroup.registration import PreparedScan
-from cgroup.registration.pairwise import merge_clouds
+from cgroup.registration.pairwise import FalseAccepts, merge_clouds
 from cgroup.rigid.covariance import covariance_in
 from cgroup.types import AnyCloud, FloatArray, PointCloud
 from cgroup.types.point_cloud import as_cloud
@@ -129,6 +129,9 @@ class Scene:
         Edge length of the voxels, in the unit of the points.
     tried : int
         Pairs that were registered.
+    false_accepts : FalseAccepts
+        Estimated share of wrong poses among those accepted from their two scans alone, before the other scans
+        confirm or contradict them.
     notes : tuple of str
         Remarks, one sentence each.
     seconds : dict of str to float
@@ -146,6 +149,7 @@ class Scene:
     scans: tuple[AnyCloud, ...]
     voxel: float
     tried: int
+    false_accepts: FalseAccepts
     notes: tuple[str, ...]
     seconds: dict[str, float]
     made: Any = None

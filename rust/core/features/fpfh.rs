@@ -22,6 +22,13 @@ use crate::simd;
 
 /// Numbers of a descriptor.
 pub const LENGTH: usize = 3 * BINS;
+/// Turns a descriptor into that of the mirror image: of the three angles, the second one changes its sign.
+pub fn mirror<T>(descriptor: &mut [T]) {
+    if let Some(histogram) = descriptor.get_mut(BINS..2 * BINS) {
+        histogram.reverse();
+    }
+}
+
 /// Sum of each of the three histograms.
 const TOTAL: f32 = 100.0;
 /// Upper bound of a neighbour's weight, in units of 1 over the squared radius: keeps sums finite.
@@ -290,6 +297,28 @@ mod tests {
             assert_eq!(some, keypoints.map(|i| all[i]));
         }
         assert!(fpfh(Convention::Pcl).describe(&cloud, &normals, Some(&[]), &execution)?.is_empty());
+        Ok(())
+    }
+
+    #[test]
+    fn descriptors_of_the_mirror_image_are_mirrored() -> Result<()> {
+        let (cloud, normals) = wavy()?;
+        let rows = cloud.points().rows();
+        let other = |[x, y, z]: [f64; 3]| [-x, y, z];
+        let (mirrored, turned) = (
+            Cloud::from_rows("points", &rows.map(other).collect::<Vec<_>>())?,
+            normals.iter().map(|&normal| Vector3::from(other(normal.into()))).collect::<Vec<_>>(),
+        );
+        for convention in CONVENTIONS {
+            let described = fpfh(convention).describe(&cloud, &normals, None, &Execution::default())?;
+            let expected = fpfh(convention).describe(&mirrored, &turned, None, &Execution::default())?;
+            let differs = described.into_iter().zip(expected).map(|(mut row, expected)| {
+                mirror(&mut row);
+                row.iter().zip(expected).map(|(one, other)| (one - other).abs()).sum::<f32>()
+            });
+            // A value on the border of two bins may change sides.
+            assert!(differs.sum::<f32>() / 400.0 < 1.0);
+        }
         Ok(())
     }
 

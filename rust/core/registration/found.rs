@@ -37,6 +37,9 @@ pub struct Found {
     pub better_scale: f64,
     /// Factor of the probability by that scale.
     pub scale_factor: f64,
+    /// Probability of the best pose of the mirrored source, which is wrong, if the scans were searched for it; 0 if that is a
+    /// symmetry.
+    pub decoy: Option<f64>,
 }
 
 impl Found {

@@ -68,6 +68,18 @@ pub struct Described {
     pub descriptors: Descriptors,
 }
 
+impl Described {
+    /// Returns the descriptors of the mirror image.
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfMemory`].
+    pub fn mirrored(&self) -> Result<Descriptors> {
+        let mut values = memory::copied(self.descriptors.values())?;
+        values.chunks_exact_mut(fpfh::LENGTH).for_each(fpfh::mirror);
+        Descriptors::new("descriptors", &values, fpfh::LENGTH)
+    }
+}
+
 /// Reason why a scan has no level of a voxel size.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Refusal {

@@ -7,6 +7,7 @@
 mod apex;
 mod clock;
 mod covariance;
+mod decoy;
 mod evidence;
 mod found;
 mod layers;
@@ -46,6 +47,6 @@ pub use rings::{MOST_POINTS as MOST_OF_RINGS, fill_between_rings};
 pub use scaled::{ScaleOutcome, Scaled, find_scale};
 pub use scan::{Scan, find_outliers};
 pub use search::{choose_apart, confirm};
-pub use settings::{MOST_VOXELS, PLANES_BY_CHANCE};
+pub use settings::MOST_VOXELS;
 pub use similarity::{Similarity, fit_similarity};
 pub use voxel_size::{Suited, suit_voxel};

@@ -14,7 +14,7 @@ use crate::memory;
 use crate::points::Points;
 use crate::verification::schedule::Evidence;
 
-use super::level::{Described, Pair};
+use super::level::Pair;
 use super::settings::UNIT;
 
 /// Tolerance of LC, in resolutions of the matches.
@@ -34,22 +34,53 @@ pub struct VoxelMatches {
     /// Frames of both.
     pub frames: Vec<(Frame, Frame)>,
     resolution: f64,
+    mirror: Option<Matrix3<f64>>,
 }
 
 impl VoxelMatches {
-    /// Matches every described voxel of the source with its k nearest of the target.
+    /// Matches every described voxel of the source, or of its mirror image, with its k nearest of the target.
     ///
     /// # Errors
     /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
-    pub fn find(pair: Pair<'_>, k: usize, execution: &Execution) -> Result<Self> {
+    pub fn find(
+        pair: Pair<'_>,
+        k: usize,
+        mirror: Option<Matrix3<f64>>,
+        execution: &Execution,
+    ) -> Result<Self> {
         let (source, target) = (pair.source.described(execution)?, pair.target.described(execution)?);
-        Self::between(source, target, UNIT * pair.voxel(), k, execution)
+        let matching = Matching { k, ..Matching::default() };
+        let matches = if mirror.is_some() {
+            matching.run(&source.mirrored()?, &target.descriptors, execution)?
+        } else {
+            matching.run(&source.descriptors, &target.descriptors, execution)?
+        };
+        let is_mutual = |row: &usize| matches[*row].is_mutual && matches[*row].rank == 1;
+        Ok(Self {
+            mutual: memory::collect((0..matches.len()).filter(is_mutual))?,
+            source: memory::collect(matches.iter().map(|found| source.points[found.source]))?,
+            target: memory::collect(matches.iter().map(|found| target.points[found.target]))?,
+            frames: memory::collect(
+                matches.iter().map(|found| (source.frames[found.source], target.frames[found.target])),
+            )?,
+            matches,
+            resolution: UNIT * pair.voxel(),
+            mirror,
+        })
     }
 
     /// Returns no matches.
     pub fn none(pair: Pair<'_>) -> Self {
         let resolution = UNIT * pair.voxel();
-        Self { matches: vec![], mutual: vec![], source: vec![], target: vec![], frames: vec![], resolution }
+        Self {
+            matches: vec![],
+            mutual: vec![],
+            source: vec![],
+            target: vec![],
+            frames: vec![],
+            resolution,
+            mirror: None,
+        }
     }
 
     /// Returns the matches with source and target swapped; each keeps its distances.
@@ -65,40 +96,31 @@ impl VoxelMatches {
         self
     }
 
-    fn between(
-        source: &Described,
-        target: &Described,
-        resolution: f64,
-        k: usize,
-        execution: &Execution,
-    ) -> Result<Self> {
-        let matching = Matching { k, ..Matching::default() };
-        let matches = matching.run(&source.descriptors, &target.descriptors, execution)?;
-        let is_mutual = |row: &usize| matches[*row].is_mutual && matches[*row].rank == 1;
-        Ok(Self {
-            mutual: memory::collect((0..matches.len()).filter(is_mutual))?,
-            source: memory::collect(matches.iter().map(|found| source.points[found.source]))?,
-            target: memory::collect(matches.iter().map(|found| target.points[found.target]))?,
-            frames: memory::collect(
-                matches.iter().map(|found| (source.frames[found.source], target.frames[found.target])),
-            )?,
-            matches,
-            resolution,
-        })
+    /// Returns the poses of LC's groups of some of the matches.
+    ///
+    /// # Errors
+    /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
+    pub fn propose_by_lc(&self, rows: Option<&[usize]>, execution: &Execution) -> Result<Vec<Rigid>> {
+        let mut poses = propose_by_lc(&self.correspondences(rows)?, execution)?;
+        if let Some(mirror) = self.mirror {
+            poses.iter_mut().for_each(|pose| pose.rotation *= mirror);
+        }
+        Ok(poses)
     }
 
-    /// Returns the positions and ratios of some of the matches.
+    /// Returns the positions, those of the source mirrored as they were matched, and ratios of some of the matches.
     ///
     /// # Errors
     /// [`crate::Error::OutOfMemory`].
     pub fn correspondences(&self, rows: Option<&[usize]>) -> Result<Correspondences> {
         let all = memory::collect(0..self.matches.len())?;
         let rows = rows.unwrap_or(&all);
-        let side = |points: &[[f64; 3]]| memory::collect(rows.iter().map(|&row| points[row]));
+        let mirror = self.mirror.unwrap_or_else(Matrix3::identity);
+        let source =
+            memory::collect(rows.iter().map(|&row| (mirror * Vector3::from(self.source[row])).into()))?;
+        let target = memory::collect(rows.iter().map(|&row| self.target[row]))?;
         let ratios = memory::collect(rows.iter().map(|&row| self.matches[row].ratio()))?;
-        Correspondences::new(&side(&self.source)?, &side(&self.target)?)?
-            .with_ratio(ratios)?
-            .with_resolution(self.resolution)
+        Correspondences::new(&source, &target)?.with_ratio(ratios)?.with_resolution(self.resolution)
     }
 
     /// Returns the mutual matches as evidence for poses.
@@ -113,14 +135,17 @@ impl VoxelMatches {
         Ok(Evidence { source, target, tolerance })
     }
 
-    /// Returns the pose of every mutual match whose frames are known, `R = L'^T L`, `t = q - R p`.
+    /// Returns the pose of every mutual match whose frames are known, `R = L'^T L`, `t = q - R p`. The y axis of a mirrored frame
+    /// is the product of the others, so it changes its sign.
     ///
     /// # Errors
     /// [`crate::Error::OutOfMemory`].
     pub fn frame_poses(&self) -> Result<Vec<Rigid>> {
+        let side = if self.mirror.is_some() { -1.0 } else { 1.0 };
+        let sides = Matrix3::from_diagonal(&Vector3::new(1.0, side, 1.0));
         let pose = |&row: &usize| {
             let (one, other) = self.frames[row];
-            let rotation: Matrix3<f64> = other?.transpose() * one?;
+            let rotation: Matrix3<f64> = other?.transpose() * sides * one?;
             let translation = Vector3::from(self.target[row]) - rotation * Vector3::from(self.source[row]);
             Some(Rigid { rotation, translation })
         };

@@ -13,11 +13,11 @@ use super::clock::{Clock, STAGES, Stage};
 use super::found::Found;
 use super::level::{Level, Pair, Refusal};
 use super::options::{Effort, Options, Proposer};
-use super::posterior::doubted;
+use super::posterior::confirmed;
 use super::prepared::Prepared;
 use super::proposals::VoxelMatches;
 use super::search::{finish, search};
-use super::settings::{ACCEPTED, ELSEWHERE, FEW_POINTS, FINE, PREPARED, SAME_PLACE, SURE};
+use super::settings::{ACCEPTED, FEW_POINTS, FINE, PREPARED, SAME_PLACE, SURE};
 
 /// Rows of the voxel factors and numbers of matches per voxel: usual, of few points, of more effort.
 const USUAL: [(usize, usize); 2] = [(0, 1), (PREPARED, 1)];
@@ -104,18 +104,22 @@ pub fn register(
 
 /// Returns the more probable of the poses of two levels.
 ///
-/// A coarse pose is doubted where the finer level found another place. At one place, a scale that fits better at the finer level
-/// counts against both.
-fn choose(mut coarse: Registered, fine: Registered) -> Registered {
-    let (one, other) = (&mut coarse.found, &fine.found);
+/// At one place each level confirms the other, and a scale that fits better at the finer level counts against both.
+fn choose(mut coarse: Registered, mut fine: Registered) -> Registered {
+    let (one, other) = (&mut coarse.found, &mut fine.found);
+    let decoy = one.decoy.zip(other.decoy).map(|(one, other)| one.max(other)).or(one.decoy).or(other.decoy);
+    (one.decoy, other.decoy) = (decoy, decoy);
     let [source, _] = &fine.levels;
-    if displacement(source.points(), &one.refined.pose, &other.refined.pose) > SAME_PLACE * source.voxel() {
-        one.probability = doubted(one.probability, ELSEWHERE);
-    } else if other.scale_factor < one.scale_factor {
-        one.probability *= other.scale_factor / one.scale_factor;
-        (one.scale_factor, one.better_scale) = (other.scale_factor, other.better_scale);
+    if displacement(source.points(), &one.refined.pose, &other.refined.pose) <= SAME_PLACE * source.voxel() {
+        if other.scale_factor < one.scale_factor {
+            one.probability *= other.scale_factor / one.scale_factor;
+            (one.scale_factor, one.better_scale) = (other.scale_factor, other.better_scale);
+        }
+        let both = confirmed(one.probability, other.probability);
+        let best = if one.probability >= other.probability { one } else { other };
+        best.probability = both;
     }
-    if one.probability >= other.probability { coarse } else { fine }
+    if coarse.found.probability >= fine.found.probability { coarse } else { fine }
 }
 
 /// Returns the mean displacement of points between two poses.

@@ -20,7 +20,7 @@ use super::options::{Effort, Options};
 use super::posterior::{Case, bound_by_motions, is_alternative, share_probability};
 use super::prepared::Prepared;
 use super::register::{Outcome, register};
-use super::settings::{MOST_OPEN_MOTIONS, OPEN, PLANES_BY_CHANCE, PREPARED};
+use super::settings::{MOST_OPEN_MOTIONS, OPEN, PREPARED};
 use super::similarity::{Similarity, fit_similarity};
 use super::voxel_size::{Suited, suit_voxel};
 
@@ -89,8 +89,8 @@ impl Scaled {
         let rivals: Vec<&Candidate> = others.iter().filter(is_apart).collect();
         let each: Vec<Case> = std::iter::once(best.case).chain(rivals.iter().map(|one| one.case)).collect();
         let (mut shares, mut own) = (Vec::new(), Vec::new());
-        share_probability(&each, 1, PLANES_BY_CHANCE, &mut shares);
-        let alone = share_probability(cases, self.tried, PLANES_BY_CHANCE, &mut own);
+        share_probability(&each, 1, &mut shares);
+        let alone = share_probability(cases, self.tried, &mut own);
         let motions = if self.is_open { MOST_OPEN_MOTIONS + 1 } else { motions };
         let probability = bound_by_motions(1.0 / (1.0 / alone + shares.iter().sum::<f64>()), motions);
         let shared =

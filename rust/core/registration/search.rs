@@ -1,5 +1,7 @@
 //! The search at one voxel size: propose, verify on the surfaces, refine, compare.
 
+use std::sync::OnceLock;
+
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
@@ -13,6 +15,7 @@ use crate::verification::{Alignment, DIFFERENT, Verified, align, align_by, overl
 
 use super::clock::{Clock, Stage};
 use super::covariance::{count_open_motions, resisted};
+use super::decoy::{Chance, Decoy};
 use super::evidence::{Evidence, misfit};
 use super::found::Found;
 use super::level::{FinePair, Pair};
@@ -21,22 +24,23 @@ use super::parts::propose_by_parts;
 use super::posterior::{
     Case, bound_by_motions, bound_by_size, is_accepted, is_alternative, share_probability,
 };
-use super::proposals::{VoxelMatches, propose_by_lc};
+use super::proposals::VoxelMatches;
 use super::rivals::propose_rivals;
 use super::settings::{
-    AGREEING, CLOSELY, COARSE_PLANES_BY_CHANCE, FACTORS, FINALISTS, FINALLY, FIRST_FINALISTS, KEPT,
-    LESS_MISFIT, NEARBY_FINALISTS, PLANES_BY_CHANCE, RIVALS, ROUGHLY, SURE, UNIT,
+    AGREEING, CLOSELY, FACTORS, FINALISTS, FINALLY, FIRST_FINALISTS, KEPT, LESS_MISFIT, NEARBY_FINALISTS,
+    RIVALS, ROUGHLY, SURE, UNIT,
 };
 use super::similarity::compare_scales;
 
 /// Two scans with their matches and options.
-struct Run<'a> {
-    pair: Pair<'a>,
-    fine: FinePair<'a>,
-    matches: VoxelMatches,
-    options: &'a Options,
-    clock: &'a Clock,
-    execution: &'a Execution,
+pub(super) struct Run<'a> {
+    pub pair: Pair<'a>,
+    pub fine: FinePair<'a>,
+    pub matches: VoxelMatches,
+    pub decoy: OnceLock<Option<Decoy>>,
+    pub options: &'a Options,
+    pub clock: &'a Clock,
+    pub execution: &'a Execution,
 }
 
 /// Searches for the pose of two scans at one voxel size, matching each voxel with its k nearest; returns
@@ -55,37 +59,35 @@ pub fn search(
     clock.end(Stage::Levels);
     let Some(fine) = fine else { return Ok(None) };
     let matches = if options.uses_matches() {
-        VoxelMatches::find(pair, k, execution)?
+        VoxelMatches::find(pair, k, None, execution)?
     } else {
         VoxelMatches::none(pair)
     };
     if options.uses_matches() {
         clock.end(Stage::Matching);
     }
-    let run = Run { pair, fine, matches, options, clock, execution };
+    let run = Run { pair, fine, matches, decoy: OnceLock::new(), options, clock, execution };
     if let Proposer::Nearby(nearby) = &options.proposer {
         let mut verified = run.verify(&nearby.propose(pair, execution)?, KEPT.0)?;
         verified.truncate(NEARBY_FINALISTS);
         let mut finalists = run.align(&verified, None)?;
         finalists.retain(|one| !one.found.residuals.is_empty());
-        let best = if finalists.is_empty() { None } else { Some(run.weigh(&mut finalists)?) };
+        let best = if finalists.is_empty() { None } else { Some(run.judge(&mut finalists)?) };
         return Ok(best.map(|best| (best, run.matches)));
     }
     let mut poses = memory::copied(&options.proposed)?;
     if options.proposer == Proposer::Voxels {
-        let mutual = run.matches.correspondences(Some(&run.matches.mutual))?;
-        memory::extend(&mut poses, &propose_by_lc(&mutual, execution)?)?;
-        memory::extend(&mut poses, &run.matches.frame_poses()?)?;
-        clock.end(Stage::Grouping);
+        memory::extend(&mut poses, &run.propose()?)?;
     }
     let verified = run.verify(&poses, KEPT.0)?;
     let best = run.rank(&verified)?;
     let is_sure = best.as_ref().is_some_and(|best| best.probability >= SURE);
-    if options.effort == Effort::Low || options.proposer == Proposer::Given || is_sure {
+    let is_last = options.effort == Effort::Low || options.is_coarse || options.proposer == Proposer::Given;
+    if is_last || is_sure {
         return Ok(best.map(|best| (best, run.matches)));
     }
     let mut poses = memory::collect(verified.iter().map(|found| found.pose))?;
-    memory::extend(&mut poses, &propose_by_lc(&run.matches.correspondences(None)?, execution)?)?;
+    memory::extend(&mut poses, &run.matches.propose_by_lc(None, execution)?)?;
     let (one, other) = (pair.source.parts()?, pair.target.parts()?);
     memory::extend(&mut poses, &propose_by_parts(one, other, pair.voxel(), execution)?)?;
     clock.end(Stage::Grouping);
@@ -105,12 +107,19 @@ pub fn confirm(pair: Pair<'_>, pose: &Rigid, execution: &Execution) -> Result<Op
         return Ok(None);
     }
     let (options, clock) = (Options { proposer: Proposer::Given, ..Options::default() }, Clock::default());
-    let run =
-        Run { pair, fine, matches: VoxelMatches::none(pair), options: &options, clock: &clock, execution };
+    let run = Run {
+        pair,
+        fine,
+        matches: VoxelMatches::none(pair),
+        decoy: OnceLock::new(),
+        options: &options,
+        clock: &clock,
+        execution,
+    };
     let score = score_poses(pair.source.surface(), pair.target.surface(), &[refined.pose], execution)?[0];
     let misfit = misfit(&refined, pair.voxel())?;
     let mut finalists = [Finalist { found: refined, score, support: 0, misfit, value: 0.0, case: None }];
-    let mut found = run.weigh(&mut finalists)?;
+    let mut found = run.judge(&mut finalists)?;
     if found.motions == 0 {
         found.refined.resistance.open_motion = None;
     }
@@ -131,7 +140,15 @@ pub fn finish(
 ) -> Result<()> {
     let Some(fine) = pair.fine(execution)? else { return Ok(()) };
     let clock = Clock::default();
-    let run = Run { pair, fine, matches: VoxelMatches::none(pair), options, clock: &clock, execution };
+    let run = Run {
+        pair,
+        fine,
+        matches: VoxelMatches::none(pair),
+        decoy: OnceLock::new(),
+        options,
+        clock: &clock,
+        execution,
+    };
     let refined = align_by(fine.source, fine.target, &found.refined.pose, &FINALLY, execution)?;
     if run.is_allowed(&refined.pose) {
         found.refined = refined;
@@ -155,13 +172,21 @@ pub fn finish(
 }
 
 /// A refined pose with its score.
-struct Finalist {
-    found: Alignment,
+pub(super) struct Finalist {
+    pub found: Alignment,
     score: f64,
     support: usize,
     misfit: f64,
     value: f64,
-    case: Option<Case>,
+    pub case: Option<Case>,
+}
+
+/// Rows of the finalists that differ, the best first, with the evidence for them.
+struct Compared {
+    rows: Vec<usize>,
+    cases: Vec<Case>,
+    shares: Vec<f64>,
+    probability: f64,
 }
 
 impl Finalist {
@@ -176,7 +201,7 @@ fn best_case(finalists: &[Finalist]) -> Option<Case> {
 
 impl Run<'_> {
     /// Verifies the allowed poses; returns the best, also allowed.
-    fn verify(&self, poses: &[Rigid], kept: [usize; 3]) -> Result<Vec<Verified>> {
+    pub(super) fn verify(&self, poses: &[Rigid], kept: [usize; 3]) -> Result<Vec<Verified>> {
         let allowed = memory::collect(poses.iter().copied().filter(|pose| self.is_allowed(pose)))?;
         if allowed.is_empty() {
             return Ok(Vec::new());
@@ -193,29 +218,50 @@ impl Run<'_> {
         self.options.allows(pose, self.pair)
     }
 
+    /// Proposes poses from mutual matches.
+    pub(super) fn propose(&self) -> Result<Vec<Rigid>> {
+        let mut poses = self.matches.propose_by_lc(Some(&self.matches.mutual), self.execution)?;
+        memory::extend(&mut poses, &self.matches.frame_poses()?)?;
+        self.clock.end(Stage::Grouping);
+        Ok(poses)
+    }
+
     /// Refines the finalists on the fine surfaces, selects one, and estimates its probability.
     fn rank(&self, verified: &[Verified]) -> Result<Option<Found>> {
+        let mut finalists = self.settle(verified)?;
+        if finalists.is_empty() {
+            return Ok(None);
+        }
+        let mut chance = None;
+        let mut compared = self.compare(&mut finalists, None)?;
+        if self.options.proposer == Proposer::Voxels {
+            chance = Some(self.chance(&finalists[compared.rows[0]].found.pose)?);
+            compared = self.compare(&mut finalists, chance.as_ref())?;
+        }
+        if is_accepted(compared.probability) {
+            let best = &finalists[compared.rows[0]].found;
+            let (pose, resisted) = (best.pose, resisted(self.pair, best)?);
+            let slides: Matrix3<f64> = best.resistance.information.fixed_view::<3, 3>(3, 3).into_owned();
+            let poses = propose_rivals(self.pair, &pose, self.prepared_voxel(), &resisted, &slides)?;
+            let mut rivals = self.verify(&poses, KEPT.1)?;
+            // Most slides fall back to the pose itself.
+            rivals.retain(|one| self.choose_apart(&[pose, one.pose]).len() == 2);
+            finalists.extend(self.align(&rivals, best_case(&finalists))?);
+            compared = self.compare(&mut finalists, chance.as_ref())?;
+        }
+        let mut found = self.conclude(&finalists, compared)?;
+        found.decoy = chance.map(|chance| chance.case.map_or(0.0, |case| case.as_decoy(&found.cases[0])));
+        Ok(Some(found))
+    }
+
+    /// Refines some verified poses, the best first, and gathers the evidence for those that may matter.
+    pub(super) fn settle(&self, verified: &[Verified]) -> Result<Vec<Finalist>> {
         let verified = &verified[..verified.len().min(FINALISTS)];
         let (first, others) = verified.split_at(verified.len().min(FIRST_FINALISTS));
         let mut finalists = self.align(first, None)?;
         self.gather(&mut finalists)?;
         finalists.extend(self.align(others, best_case(&finalists))?);
-        if finalists.is_empty() {
-            return Ok(None);
-        }
-        let found = self.weigh(&mut finalists)?;
-        if !is_accepted(found.probability) {
-            return Ok(Some(found));
-        }
-        let resisted = resisted(self.pair, &found.refined)?;
-        let slides: Matrix3<f64> = found.refined.resistance.information.fixed_view::<3, 3>(3, 3).into_owned();
-        let voxel = self.prepared_voxel();
-        let poses = propose_rivals(self.pair, &found.refined.pose, voxel, &resisted, &slides)?;
-        let mut rivals = self.verify(&poses, KEPT.1)?;
-        // Most slides fall back to the pose itself.
-        rivals.retain(|one| self.choose_apart(&[found.refined.pose, one.pose]).len() == 2);
-        finalists.extend(self.align(&rivals, best_case(&finalists))?);
-        self.weigh(&mut finalists).map(Some)
+        Ok(finalists)
     }
 
     /// Refines the verified poses that have a share of the probability beside the best finalist.
@@ -254,7 +300,7 @@ impl Run<'_> {
     }
 
     /// Gathers the evidence for poses that differ and may come near the best; returns their rows, the best first.
-    fn gather(&self, finalists: &mut [Finalist]) -> Result<Vec<usize>> {
+    pub(super) fn gather(&self, finalists: &mut [Finalist]) -> Result<Vec<usize>> {
         finalists.sort_by(|one, other| other.value.total_cmp(&one.value));
         let poses = memory::collect(finalists.iter().map(|one| one.found.pose))?;
         let mut rows = self.choose_apart(&poses);
@@ -265,7 +311,7 @@ impl Run<'_> {
             let (score, support, misfit) = (one.score, one.support, one.misfit);
             if one.case.is_none() && !best.is_some_and(|best| best.is_far_ahead(score, support, misfit)) {
                 let evidence = Evidence::gather(self.pair, self.fine, &one.found.pose, self.execution)?;
-                one.case = Some(Case { score, support, misfit, evidence });
+                one.case = Some(Case { score, support, misfit, evidence, chance: None });
             }
         }
         rows.retain(|&row| finalists[row].case.is_some());
@@ -273,14 +319,26 @@ impl Run<'_> {
         Ok(rows)
     }
 
-    /// Compares the best of the finalists with its rivals.
-    fn weigh(&self, finalists: &mut [Finalist]) -> Result<Found> {
-        let rows = self.gather(finalists)?;
+    /// Compares the best of the finalists with its rivals and with the nats that chance reaches, if they are known.
+    fn compare(&self, finalists: &mut [Finalist], chance: Option<&Chance>) -> Result<Compared> {
+        let (rows, chance) = (self.gather(finalists)?, chance.map(|chance| chance.nats));
+        let cases = rows.iter().filter_map(|&row| Some(Case { chance, ..finalists[row].case? }));
+        let (cases, mut shares) = (memory::collect(cases)?, Vec::new());
+        let probability = share_probability(&cases, 1, &mut shares);
+        self.clock.end(Stage::Evidence);
+        Ok(Compared { rows, cases, shares, probability })
+    }
+
+    /// Returns the best of the finalists, which were not searched for.
+    fn judge(&self, finalists: &mut [Finalist]) -> Result<Found> {
+        let compared = self.compare(finalists, None)?;
+        self.conclude(finalists, compared)
+    }
+
+    /// Bounds the probability of the best finalist, and returns it with its alternatives.
+    fn conclude(&self, finalists: &[Finalist], compared: Compared) -> Result<Found> {
+        let Compared { rows, cases, shares, probability } = compared;
         let poses = memory::collect(rows.iter().map(|&row| finalists[row].found.pose))?;
-        let cases = memory::collect(rows.iter().filter_map(|&row| finalists[row].case))?;
-        let mut shares = Vec::new();
-        let by_chance = if self.options.is_coarse { COARSE_PLANES_BY_CHANCE } else { PLANES_BY_CHANCE };
-        let probability = share_probability(&cases, 1, by_chance, &mut shares);
         let best = &finalists[rows[0]].found;
         let resisted = resisted(self.pair, best)?;
         let motions = count_open_motions(self.pair, self.fine, best, &resisted, self.execution)?;
@@ -301,6 +359,7 @@ impl Run<'_> {
             shares,
             better_scale: 1.0,
             scale_factor: 1.0,
+            decoy: None,
         })
     }
 

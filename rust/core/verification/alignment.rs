@@ -1,7 +1,7 @@
 //! Final refinement of a pose: samples of each surface, with their local planes, are paired with points of
 //! the other surface (point-to-plane in both directions; Chen and Medioni 1992).
 
-use nalgebra::{Matrix6, Rotation3, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{Matrix6, Rotation3, Vector3, Vector6};
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
@@ -11,6 +11,7 @@ use crate::memory;
 use crate::verification::fine_surface::{FineSurface, REACH};
 use crate::verification::overlap::Resistance;
 use crate::verification::pairing::{Known, Pair};
+use crate::verification::pose::nearest_rotation;
 
 /// Number of first steps, in which the reach shrinks; most samples per surface in them; reach of the last
 /// one, in spacings.
@@ -108,7 +109,7 @@ pub fn align_by(
             }
         }
     }
-    pose.rotation = nearest_rotation(&pose);
+    pose.rotation = nearest_rotation(&pose.rotation);
     let pairs = known.pair(source, target, &pose, REACH, samples, execution)?;
     let sums = equations(&pairs, LAST_REACH)?;
     Ok(Alignment {
@@ -172,13 +173,6 @@ fn check_spacings(source: &FineSurface, target: &FineSurface) -> Result<()> {
 fn followed_by(pose: &Rigid, turn: Vector3<f64>, shift: Vector3<f64>) -> Rigid {
     let turn = Rotation3::new(turn).into_inner();
     Rigid { rotation: turn * pose.rotation, translation: turn * pose.translation + shift }
-}
-
-fn nearest_rotation(pose: &Rigid) -> nalgebra::Matrix3<f64> {
-    let rotation = Rotation3::from_matrix_unchecked(pose.rotation);
-    // The quaternion of a matrix in single precision is not quite of unit length.
-    let quaternion = UnitQuaternion::from_rotation_matrix(&rotation).into_inner();
-    UnitQuaternion::new_normalize(quaternion).to_rotation_matrix().into_inner()
 }
 
 /// The normal equations of one step: `A x = b` with x a rotation vector and a translation.

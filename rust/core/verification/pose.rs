@@ -44,8 +44,28 @@ impl Pose {
     }
 }
 
-/// The rotation nearest to a matrix that is nearly a rotation.
+/// Returns the rotation nearest to a matrix that is nearly a rotation, or the mirrored rotation nearest to one that is nearly
+/// mirrored.
 pub(super) fn nearest_rotation(matrix: &Matrix3<f64>) -> Matrix3<f64> {
-    let rotation = Rotation3::from_matrix_unchecked(*matrix);
-    UnitQuaternion::from_rotation_matrix(&rotation).to_rotation_matrix().into_inner()
+    let side = matrix.determinant().signum();
+    let rotation = Rotation3::from_matrix_unchecked(matrix * side);
+    // The quaternion of a matrix in single precision is not quite of unit length.
+    let quaternion = UnitQuaternion::from_rotation_matrix(&rotation).into_inner();
+    UnitQuaternion::new_normalize(quaternion).to_rotation_matrix().into_inner() * side
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_nearest_rotation_keeps_a_mirror_image() {
+        let rotation = Rotation3::new(Vector3::new(0.3, -1.0, 0.5)).into_inner();
+        let mirror = Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, 1.0));
+        for exact in [rotation, rotation * mirror] {
+            let found = nearest_rotation(&exact.map(|number| f64::from(number as f32)));
+            assert!((found - exact).amax() < 1e-6);
+            assert!((found * found.transpose() - Matrix3::identity()).amax() < 1e-14);
+        }
+    }
 }

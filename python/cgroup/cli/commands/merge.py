@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,7 @@ from cgroup.io.attributes import unkept_attributes
 from cgroup.io.clouds import find_clouds
 from cgroup.io.files import check_outputs
 from cgroup.io.result_folders import Results, make_folder
+from cgroup.registration import FalseAccepts
 from cgroup.rigid import apply
 from cgroup.rigid.covariance import deviations_at
 from cgroup.scenes import Scene, register_all
@@ -103,6 +105,7 @@ def _print_scene(document: Document, *, wide: bool) -> None:
     print_facts(
         ("components", ", ".join(counted(len(rows), "scan") for rows in done["components"])),
         ("pairs", f"{done['tried']} tried; edges: {kept} kept, {len(edges) - kept} dropped"),
+        ("two scans", str(FalseAccepts(**done["false_accepts"]))),
         ("sd", "standard deviation of a scan's rotation, and of the position of its middle"),
         ("voxel", f"{done['voxel']:.4g} (in the files' unit, as all lengths)"),
         ("time", f"{sum(done['seconds'].values()):.2f} s"),
@@ -194,6 +197,7 @@ def merge_command(
             "scans": placed,
             "edges": [{key: getattr(edge, key) for key in _EDGE_KEYS} for edge in scene.edges],
             "tried": scene.tried,
+            "false_accepts": asdict(scene.false_accepts),
             "voxel": scene.voxel,
             "notes": scene.notes,
             "seconds": scene.seconds,
