@@ -66,7 +66,7 @@ GROUPS: dict[str, dict[str, str]] = {
     },
     "cgroup.scenes": {
         "Many scans": "register_all Scene Edge",
-        "A scan in a map": "prepare_map PreparedMap locate",
+        "A scan in a map": "prepare_map PreparedMap locate assess_in_map",
         "Pose graphs": "PoseGraph",
     },
     "cgroup.verification": {

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from shared_data import data_folder
 
-from cgroup import InputError
+from cgroup import InputError, NoConsensusError
 from cgroup.datasets import standin_pair
 from cgroup.datasets.generated.shapes import random_pose
 from cgroup.datasets.generated.worlds import World
@@ -19,7 +19,7 @@ from cgroup.io import read_cloud
 from cgroup.maps import settings
 from cgroup.maps.plan_view import find_layers
 from cgroup.rigid import apply, invert
-from cgroup.scenes import PreparedMap, locate, prepare_map, register_all
+from cgroup.scenes import PreparedMap, assess_in_map, locate, prepare_map, register_all
 
 SIDE, LOT, SPACING = 120.0, 30.0, 0.7
 EYES = [(33.0, 47.0, 1.8), (75.0, 62.0, 1.8)]
@@ -112,6 +112,25 @@ def test_a_scan_of_another_place_is_refused() -> None:
     pair = standin_pair()
     scan = (pair.source.points - pair.source.points.mean(axis=0)) * 0.4
     assert not any(found.ok for found in locate(scan, place()))
+
+
+def test_a_pose_in_a_map_is_assessed() -> None:
+    scan = scan_from(EYES[0])
+    pose = locate(scan, place())[0].T_target_source
+    done = assess_in_map(scan, place(), pose)
+    assert done.ok
+    assert np.array_equal(done.T_target_source, pose)
+    assert np.linalg.eigvalsh(done.covariance).min() > 0
+    beside = pose.copy()
+    beside[:3, 3] += FRAME[:3, 0]  # a metre
+    wrong = assess_in_map(scan, place(), beside)
+    assert not wrong.ok
+    assert wrong.notes
+    np.testing.assert_allclose(wrong.alternatives[0], pose, atol=0.3)
+    for shift in (60.0, 1e4):
+        beside[:3, 3] += shift * FRAME[:3, 2]
+        with pytest.raises(NoConsensusError, match="under the pose|pose puts the scan"):
+            assess_in_map(scan, place(), beside)
 
 
 def test_a_map_is_kept_in_a_folder(tmp_path: Path) -> None:

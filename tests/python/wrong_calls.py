@@ -25,6 +25,7 @@ DONE = registration.register(PAIR.source, PAIR.target)
 UNRELATED = datasets.mirror(PAIR)
 BARE = cgroup.Correspondences(PROBLEM.source, PROBLEM.target)
 NOWHERE = Path("nowhere")
+FAR = np.array([[1.0, 0, 0, 1e6], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
 GENERATED = config.Config(
     name="wrong", methods=["gtm"], experiment=[{"id": "small", "dataset": "generated-matches"}]
 )
@@ -65,6 +66,7 @@ WRONG_CALLS: dict[str, list[Callable[[Any], Any]]] = {
     "cgroup.scenes.register_all": [given([CLOUD])],
     "cgroup.scenes.prepare_map": [given(CLOUD, voxel=-1)],
     "cgroup.scenes.locate": [given(CLOUD, CLOUD)],
+    "cgroup.scenes.assess_in_map": [given(CLOUD, CLOUD, np.eye(4)), given(PAIR.source, PLACE, FAR)],
     "cgroup.scenes.PreparedMap.add": [given(PLACE, np.zeros((3, 3)))],
     "cgroup.scenes.PreparedMap.save": [given(PLACE, Path(__file__).parent)],
     "cgroup.scenes.PreparedMap.load": [given(Path(__file__).parent)],

@@ -87,7 +87,7 @@ def locate(
     search = pairwise.Search("lc", {}, direction, effort, 1, clock)
     clock.start("voxels")
     size = choose_thinning(given.whole.cloud, voxels=settings.SCAN_VOXELS, threads=threads)
-    fitting, finer = _levels_for(place, size)
+    fitting, finer = place.level_at(size), place.level_at(size, finer=1)
 
     def look(level: Level) -> _Locating:
         shared = pairwise.Preparation(level.voxel, DenseFront(), as_threads(threads))
@@ -102,12 +102,6 @@ def locate(
             best = found
     found_in = [(found, pairwise.judge(found, locating.source, where, direction)) for found, where in best]
     return [pairwise.registration_of(found, judgement, clock.stop()) for found, judgement in found_in]
-
-
-def _levels_for(place: PreparedMap, voxel: float) -> tuple[Level, Level]:
-    """Return the levels of a map nearest to a voxel, and the next finer one."""
-    row = int(np.argmin([abs(np.log(level.voxel / voxel)) for level in place.levels]))
-    return place.levels[row], place.levels[max(row - 1, 0)]
 
 
 def as_disk(near: ArrayLike | None, radius: float | None) -> Disk | None:

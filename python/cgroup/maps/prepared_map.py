@@ -167,6 +167,14 @@ class PreparedMap:
         points = np.concatenate([self.points, as_surface("cloud", cloud).cloud.points])
         return prepare_map(points, voxel=self.voxel, threads=self.threads)
 
+    def level_at(self, voxel: float, finer: int = 0) -> Level:
+        """Return the level nearest to a voxel, or the one finer by some.
+
+        :meta private:
+        """
+        row = int(np.argmin([abs(np.log(level.voxel / voxel)) for level in self.levels]))
+        return self.levels[max(row - finer, 0)]
+
     def save(self, folder: str | os.PathLike[str]) -> None:
         """Write the map to a new folder, for `PreparedMap.load`.
 

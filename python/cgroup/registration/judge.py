@@ -19,6 +19,7 @@ from cgroup.types import Agreement, BoolArray, Correspondences, FloatArray, Grou
 ACCEPTED = 0.5  # probability from which a pose is accepted
 GROUP_WITHIN = 2.0  # residual in voxels within which a match belongs to the verified group
 MOST_OPEN_MOTIONS = 1  # largest number of open motions: along a corridor a pose is still useful
+MOVED_BY_REFINING = 0.4  # displacement by refining, in voxels, at which half of a pose's probability is left
 MOST_REPEATS = 0.01  # share of repeated points from which a note is added
 AS_GOOD = 0.3  # share of the best pose's probability from which another one counts as an alternative
 _SIZES_DIFFER = 1.5
@@ -119,6 +120,11 @@ def are_alternatives(probability: float, shares: FloatArray) -> BoolArray:
     It is empty if the best pose would not be accepted without rivals.
     """
     return (shares >= AS_GOOD) & is_accepted(probability / (1.0 - probability * float(shares.sum())))
+
+
+def share_left(moved: float) -> float:
+    """Return the share of a given pose's probability that is left if refining moves it by some voxels."""
+    return 0.5 ** (moved / MOVED_BY_REFINING) ** 4
 
 
 def bound_by_size(probability: float, *scans: PreparedScan) -> float:

@@ -25,6 +25,7 @@ from cgroup.registration.judge import (
     choose_apart,
     is_accepted,
     judge,
+    share_left,
     share_probability,
 )
 from cgroup.registration.prepare import (
@@ -70,6 +71,7 @@ __all__ = [
     "judge",
     "merge_clouds",
     "registration_of",
+    "share_left",
     "share_probability",
 ]
 

@@ -20,7 +20,7 @@ from cgroup.features import Cloud
 from cgroup.fronts.paper_front import PaperFront
 from cgroup.fronts.scan import as_viewpoint
 from cgroup.group import check_method
-from cgroup.registration.judge import Judgement
+from cgroup.registration.judge import Judgement, share_left
 from cgroup.registration.own import as_matches, as_nearby, as_own_descriptors
 from cgroup.registration.pairwise import (
     EFFORTS,
@@ -46,8 +46,6 @@ from cgroup.types import AnyCloud, Correspondences
 from cgroup.verification import verify
 
 FRONTS = ("dense", "paper")
-
-MOVED_BY_REFINING = 0.4  # displacement by refining, in voxels, at which half of a pose's probability is left
 
 
 @report_refused_memory()
@@ -105,8 +103,8 @@ def register(
     axis : (3,) array_like of float, optional
         A common direction of all clouds, such as gravity; a pose may tilt it by 10 degrees.
     effort : {"low", "normal", "high"}
-        Length of the search at coarse and at fine voxels: mutual matches only; all matches if these are not
-        enough; then also voxels of 0.7 of the fine ones, with the three nearest matches of each.
+        Length of the search: mutual matches at coarse and at fine voxels only; all matches at fine ones if
+        these are not enough; then also voxels of 0.7 of the fine ones, with three nearest matches of each.
     front : {"dense", "paper"}, DenseFront or PaperFront
         Source of the matches: every voxel, or the keypoints of a detector, as in `correspond`.
     matches : Correspondences or (i, j), optional
@@ -262,20 +260,16 @@ def assess(
         raise NoConsensusError("no pose that keeps the axis, neither that given nor another")
     points, best = found.points, found.pose
     moved = float(np.sqrt(((apply(given, points) - apply(best, points)) ** 2).sum(axis=1).mean()))
-    chance = found.probability * 0.5 ** (moved / (MOVED_BY_REFINING * scans[0].voxel)) ** 4
+    chance = found.probability * share_left(moved / scans[0].voxel)
     judgement = judge(replace(found, probability=chance), *scans, direction)
     notes = judgement.notes
     others = found.alternatives
     if is_accepted(found.probability) and not judgement.ok:
         far = moved > sum(scan.scan.cloud.diagonal for scan in scans)
         where = f"{moved:.3g} away on average over the source, {moved / scans[0].voxel:.1f} voxels"
-        where = (
-            "elsewhere: the pose given leaves the clouds far apart; check its unit and frames"
-            if far
-            else where
-        )
-        better = f"a better pose is {where}"
-        notes = (better, *notes)
+        if far:
+            where = "elsewhere: the pose given leaves the clouds far apart; check its unit and frames"
+        notes = (f"a better pose is {where}", *notes)
         others = np.concatenate([best[None], others])
     elif judgement.reason:
         notes = (judgement.reason, *notes)
@@ -342,9 +336,7 @@ def refine(
     clock.start("refinement")
     found = confirm_pose(*scans, verified.T_target_source, workers)
     if found is None:
-        raise NoConsensusError(
-            "the surfaces do not overlap under the pose; its error may be some three voxels"
-        )
+        raise NoConsensusError("the surfaces do not overlap under the pose; it may be off by three voxels")
     judgement = judge(found, *scans)
     reason = (judgement.reason,) if judgement.reason else ()
     done = registration_of(found, judgement, clock.stop())
