@@ -21,7 +21,8 @@ use super::posterior::Case;
 use super::proposals::VoxelMatches;
 use super::search::Run;
 use super::settings::{
-    CHANCE_OF_SYMMETRY, CHANCE_SHARE, CLOSELY, DECOYS, KEPT, LEAD_BY_CHANCE, LEAST_CHANCE, ROUGHLY,
+    CHANCE_OF_SYMMETRY, CHANCE_SHARE, CLOSELY, DECOYS, KEPT, LEAD_BY_CHANCE, LEAST_CHANCE,
+    MISFIT_OF_SYMMETRY, ROUGHLY,
 };
 
 /// The best pose of the mirrored source, as a mirrored rotation of the source itself.
@@ -53,9 +54,9 @@ impl Run<'_> {
         };
         let (nats, surfaces) = (decoy.case.chance_nats(), decoy.case.lead_of_surfaces());
         let is_a_symmetry = nats > CHANCE_OF_SYMMETRY
-            && self
-                .symmetry(&compose(&inverse(pose), &decoy.pose))?
-                .is_some_and(|itself| itself >= surfaces - LEAD_BY_CHANCE);
+            && self.symmetry(&compose(&inverse(pose), &decoy.pose))?.is_some_and(|itself| {
+                itself.misfit < MISFIT_OF_SYMMETRY && itself.lead_of_surfaces() >= surfaces - LEAD_BY_CHANCE
+            });
         self.clock.end(Stage::Evidence);
         Ok(if is_a_symmetry {
             Chance { nats: CHANCE_OF_SYMMETRY, case: None }
@@ -65,7 +66,7 @@ impl Run<'_> {
     }
 
     /// Returns the evidence that a mirrored rotation maps the source onto itself; none if nothing is paired.
-    fn symmetry(&self, itself: &Rigid) -> Result<Option<f64>> {
+    fn symmetry(&self, itself: &Rigid) -> Result<Option<Case>> {
         let pair = Pair { target: self.pair.source, ..self.pair };
         let fine = FinePair { target: self.fine.source, ..self.fine };
         let found = align_by(fine.source, fine.target, itself, &[ROUGHLY, CLOSELY], self.execution)?;
@@ -76,7 +77,7 @@ impl Run<'_> {
         let score = score_poses(surface, surface, &[found.pose], self.execution)?[0];
         let evidence = Evidence::gather(pair, fine, &found.pose, self.execution)?;
         let misfit = misfit(&found, pair.voxel())?;
-        Ok(Some(Case { score, support: 0, misfit, evidence, chance: None }.lead_of_surfaces()))
+        Ok(Some(Case { score, support: 0, misfit, evidence, chance: None }))
     }
 
     /// Returns the best pose of the mirrored source, from its mutual matches; none if there is none.

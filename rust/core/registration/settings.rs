@@ -95,6 +95,8 @@ pub const LEAST_CHANCE: f64 = -6.0;
 pub const MOST_CHANCE: f64 = 14.0;
 /// Nats that chance reaches at most if the scan is its own mirror image; with more, this is tested.
 pub const CHANCE_OF_SYMMETRY: f64 = 1.8;
+/// Misfit of a scan on its mirror image below which it is its own: it fits itself to its noise.
+pub const MISFIT_OF_SYMMETRY: f64 = 2.0;
 /// Nats by which e times as many matches raise the evidence, for a pose or for chance. Fitted.
 pub const MATCHED: f64 = 1.35;
 /// Misfit beyond which it counts twice: 19 of 20 right poses of single scans have less, similar shapes more. Fitted.
