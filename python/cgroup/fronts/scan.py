@@ -85,8 +85,8 @@ class Scan:
     normals: FloatArray | None  # (N,3), as stored with the points
     faces: IndexArray | None  # (F,3), triangles as rows of the points
     name: str  # name in error messages
-    given: RealArray  # (n,3), the points before strays were removed and gaps were filled in
-    strays: int = 0  # number of removed outliers
+    given: RealArray  # (n,3), the points before outliers were removed and gaps were filled in
+    outliers: int = 0  # number of removed outliers
     # (M,), first row of each distinct point among the `given`; None if no two coincide
     rows: IndexArray | None = None
     places: IndexArray | None = None  # (n,), distinct point of each of the `given`, likewise
@@ -281,15 +281,15 @@ def _find_rounding(cloud: Cloud) -> float:
     return spacing if spacing > MOST_ROUNDED * features.resolution(cloud) else 0.0
 
 
-def without_strays(scan: Scan) -> Scan:
+def without_outliers(scan: Scan) -> Scan:
     """Remove outliers: single points far from all others, unless they are many."""
-    strays = _core.find_outliers(core_cloud(scan.cloud), run_options(1))
-    if len(strays) == 0 or scan.faces is not None:
+    outliers = _core.find_outliers(core_cloud(scan.cloud), run_options(1))
+    if len(outliers) == 0 or scan.faces is not None:
         return scan
-    kept = np.delete(np.arange(len(scan.cloud)), strays)
+    kept = np.delete(np.arange(len(scan.cloud)), outliers)
     normals = None if scan.normals is None else scan.normals[kept]
     cloud = Cloud(in_double(scan.cloud.points)[kept], name=scan.name)
-    return replace(scan, cloud=cloud, normals=normals, strays=len(strays))
+    return replace(scan, cloud=cloud, normals=normals, outliers=len(outliers))
 
 
 def fill_between_rings(scan: Scan) -> Scan:

@@ -20,7 +20,7 @@ from cgroup._runtime.progress import as_stage_function
 from cgroup.errors import InputError
 from cgroup.features import Cloud
 from cgroup.features.voxels import thin
-from cgroup.fronts.scan import Scan, as_scan, as_surface, without_strays
+from cgroup.fronts.scan import Scan, as_scan, as_surface, without_outliers
 from cgroup.maps import settings
 from cgroup.maps.map_files import load_arrays, not_a_map, save_arrays
 from cgroup.maps.plan_view import PlanView, find_layers
@@ -262,7 +262,7 @@ def prepare_map(
     begin = as_stage_function(progress)
     begin("points")
     surface = as_surface("cloud", cloud.merged() if isinstance(cloud, Mergeable) else cloud)
-    given = without_strays(surface if voxel is None else surface.sampled(as_length("voxel", voxel))).cloud
+    given = without_outliers(surface if voxel is None else surface.sampled(as_length("voxel", voxel))).cloud
     if voxel is not None:
         size = as_length("voxel", voxel)
         return PreparedMap(given.points, [_describe(given, size, threads, begin)], size, threads)

@@ -242,8 +242,8 @@ def _notes(found: Found, *scans: Scan) -> list[str]:
         shared = "1 other pose shares" if others == 1 else f"{others} other poses share"
         notes.append(f"{shared} the probability: the shape may be symmetric, or repeat")
     for scan in scans:
-        if scan.strays:
-            counted = "one point" if scan.strays == 1 else f"{scan.strays} single points"
+        if scan.outliers:
+            counted = "one point" if scan.outliers == 1 else f"{scan.outliers} single points"
             notes.append(f"{scan.name}: {counted} far from all others set aside")
     for scan in scans:
         if scan.repeats > MOST_REPEATS * len(scan.given):

@@ -98,7 +98,7 @@ def _descriptors_of(name: str, value: Any, scan: PreparedScan) -> RealArray:  # 
 def describe_voxels(scan: PreparedScan, values: RealArray) -> DescribedCloud:
     """Return the first described point of each voxel, with the frame of the nearest voxel."""
     known, kept = scan.described, scan.scan.cloud.points
-    inside = (scan.scan.given >= kept.min(axis=0)) & (scan.scan.given <= kept.max(axis=0))  # no strays
+    inside = (scan.scan.given >= kept.min(axis=0)) & (scan.scan.given <= kept.max(axis=0))  # no outliers
     rows = np.flatnonzero(np.isfinite(values).all(axis=1) & inside.all(axis=1))
     points = in_double(scan.scan.given[rows])
     voxels = thin(points, scan.voxel, threads=scan.threads).indices
@@ -113,8 +113,8 @@ def describe_voxels(scan: PreparedScan, values: RealArray) -> DescribedCloud:
 
 def as_nearby(initial: ArrayLike | None, radius: float | None, angle: float | None) -> Nearby | None:
     """Check a rough pose, if any, and its largest error."""
-    told = {"radius": radius, "angle": angle}
-    given = {name: as_length(name, value) for name, value in told.items() if value is not None}
+    errors = {"radius": radius, "angle": angle}
+    given = {name: as_length(name, value) for name, value in errors.items() if value is not None}
     if initial is None:
         for name, value in given.items():
             raise InputError(name, f"{value:g}, but no `initial`", "it is the largest error of that pose")

@@ -29,7 +29,7 @@ from cgroup.fronts.scan import (
     fill_between_rings,
     shows_layers,
     viewpoint_name,
-    without_strays,
+    without_outliers,
 )
 from cgroup.types import AnyCloud, FloatArray
 from cgroup.verification import FineSurface, Surface
@@ -301,7 +301,7 @@ def prepare(
     if normals == "pca":
         scan = as_surface("cloud", cloud)
         viewpoint = scan.stored_viewpoint if viewpoint is None else viewpoint
-        scan = fill_between_rings(without_strays(scan))
+        scan = fill_between_rings(without_outliers(scan))
     else:
         scan = as_model("cloud", cloud, normals)
     radii = USUAL if front is None else as_instance("front", front, DenseFront)
@@ -348,7 +348,7 @@ def as_given(
         return Given(name, cloud, viewpoint)
     scan = as_surface(name, cloud)
     place = scan.stored_viewpoint if viewpoint is None and or_stored else viewpoint
-    return Given(name, fill_between_rings(without_strays(scan)), place)
+    return Given(name, fill_between_rings(without_outliers(scan)), place)
 
 
 class Preparation(NamedTuple):

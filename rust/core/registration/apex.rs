@@ -9,7 +9,7 @@ use crate::points::Points;
 
 use super::motions::median;
 
-/// Edge of the cells whose points are compared, in radii of the cloud, and the share of the cells of many points: one in so many.
+/// Edge of the cells whose points are compared, in radii of the cloud; in clouds of more than `MANY` points, one in `ONE_IN`.
 const CELL: f64 = 1.0 / 8.0;
 const ONE_IN: u64 = 4;
 const MANY: usize = 20_000;

@@ -107,7 +107,7 @@ pub fn register(
 /// At one place each level confirms the other, and a scale that fits better at the finer level counts against both.
 fn choose(mut coarse: Registered, mut fine: Registered) -> Registered {
     let (one, other) = (&mut coarse.found, &mut fine.found);
-    let decoy = one.decoy.zip(other.decoy).map(|(one, other)| one.max(other)).or(one.decoy).or(other.decoy);
+    let decoy = one.decoy.into_iter().chain(other.decoy).reduce(f64::max);
     (one.decoy, other.decoy) = (decoy, decoy);
     let [source, _] = &fine.levels;
     if displacement(source.points(), &one.refined.pose, &other.refined.pose) <= SAME_PLACE * source.voxel() {

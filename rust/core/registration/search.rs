@@ -66,7 +66,7 @@ pub fn search(
     if options.uses_matches() {
         clock.end(Stage::Matching);
     }
-    let run = Run { pair, fine, matches, decoy: OnceLock::new(), options, clock, execution };
+    let run = Run::new((pair, fine), matches, options, clock, execution);
     if let Proposer::Nearby(nearby) = &options.proposer {
         let mut verified = run.verify(&nearby.propose(pair, execution)?, KEPT.0)?;
         verified.truncate(NEARBY_FINALISTS);
@@ -107,15 +107,7 @@ pub fn confirm(pair: Pair<'_>, pose: &Rigid, execution: &Execution) -> Result<Op
         return Ok(None);
     }
     let (options, clock) = (Options { proposer: Proposer::Given, ..Options::default() }, Clock::default());
-    let run = Run {
-        pair,
-        fine,
-        matches: VoxelMatches::none(pair),
-        decoy: OnceLock::new(),
-        options: &options,
-        clock: &clock,
-        execution,
-    };
+    let run = Run::new((pair, fine), VoxelMatches::none(pair), &options, &clock, execution);
     let score = score_poses(pair.source.surface(), pair.target.surface(), &[refined.pose], execution)?[0];
     let misfit = misfit(&refined, pair.voxel())?;
     let mut finalists = [Finalist { found: refined, score, support: 0, misfit, value: 0.0, case: None }];
@@ -140,15 +132,7 @@ pub fn finish(
 ) -> Result<()> {
     let Some(fine) = pair.fine(execution)? else { return Ok(()) };
     let clock = Clock::default();
-    let run = Run {
-        pair,
-        fine,
-        matches: VoxelMatches::none(pair),
-        decoy: OnceLock::new(),
-        options,
-        clock: &clock,
-        execution,
-    };
+    let run = Run::new((pair, fine), VoxelMatches::none(pair), options, &clock, execution);
     let refined = align_by(fine.source, fine.target, &found.refined.pose, &FINALLY, execution)?;
     if run.is_allowed(&refined.pose) {
         found.refined = refined;
@@ -199,7 +183,17 @@ fn best_case(finalists: &[Finalist]) -> Option<Case> {
     finalists.iter().max_by(|one, other| one.weight().total_cmp(&other.weight()))?.case
 }
 
-impl Run<'_> {
+impl<'a> Run<'a> {
+    fn new(
+        (pair, fine): (Pair<'a>, FinePair<'a>),
+        matches: VoxelMatches,
+        options: &'a Options,
+        clock: &'a Clock,
+        execution: &'a Execution,
+    ) -> Self {
+        Self { pair, fine, matches, decoy: OnceLock::new(), options, clock, execution }
+    }
+
     /// Verifies the allowed poses; returns the best, also allowed.
     pub(super) fn verify(&self, poses: &[Rigid], kept: [usize; 3]) -> Result<Vec<Verified>> {
         let allowed = memory::collect(poses.iter().copied().filter(|pose| self.is_allowed(pose)))?;

@@ -99,7 +99,7 @@ pub const CHANCE_OF_SYMMETRY: f64 = 1.8;
 pub const MISFIT_OF_SYMMETRY: f64 = 2.0;
 /// Nats by which e times as many matches raise the evidence, for a pose or for chance. Fitted.
 pub const MATCHED: f64 = 1.35;
-/// Misfit beyond which it counts twice: 19 of 20 right poses of single scans have less, similar shapes more. Fitted.
+/// Misfit beyond which it counts twice: 9 of 10 right poses have less, similar shapes more. Fitted.
 pub const MISFIT_OF_POSES: f64 = 4.5;
 /// Nats of the best pose of a search if it is wrong, beyond those of the mirrored source's. Fitted.
 pub const FOUND_BY_CHANCE: f64 = 1.05;

@@ -1,10 +1,10 @@
-"""Clouds as scanners leave them: strays, points far away, and any unit."""
+"""Clouds as scanners leave them: outliers, points far away, and any unit."""
 
 import numpy as np
 import pytest
 
 from cgroup.datasets import standin_pair
-from cgroup.fronts.scan import as_scan, without_strays
+from cgroup.fronts.scan import as_scan, without_outliers
 from cgroup.registration import PreparedScan, prepare, register
 from cgroup.rigid import apply
 from reference.outliers import find_outliers
@@ -17,8 +17,8 @@ def scattered(points: np.ndarray, share: float, size: float, seed: int = 0) -> n
     """Points with so many more, relative to them, spread over so many times their extent."""
     count = round(share * len(points))
     extent = np.ptp(points, axis=0).max()
-    strays = size * extent * (np.random.default_rng(seed).random((count, 3)) - 0.5)
-    return np.concatenate([points, points.mean(axis=0) + strays])
+    outliers = size * extent * (np.random.default_rng(seed).random((count, 3)) - 0.5)
+    return np.concatenate([points, points.mean(axis=0) + outliers])
 
 
 def far(points: np.ndarray) -> np.ndarray:
@@ -33,7 +33,7 @@ def far(points: np.ndarray) -> np.ndarray:
         (far(scattered(SOURCE, 0.02, 30)), TARGET, "source: "),
     ],
 )
-def test_strays_are_set_aside_and_counted(source: np.ndarray, target: np.ndarray, told: str) -> None:
+def test_outliers_are_set_aside_and_counted(source: np.ndarray, target: np.ndarray, told: str) -> None:
     found = register(source, target)
     moved = apply(found.T_target_source, SOURCE) - apply(PAIR.T_target_source, SOURCE)
     assert np.abs(moved).max() < found.voxel
@@ -41,13 +41,13 @@ def test_strays_are_set_aside_and_counted(source: np.ndarray, target: np.ndarray
 
 
 @pytest.mark.parametrize("count", [1, 40])
-def test_strays_are_counted_exactly(count: int) -> None:
+def test_outliers_are_counted_exactly(count: int) -> None:
     rng = np.random.default_rng(count)
     directions = rng.normal(size=(count, 3))
     away = directions / np.linalg.norm(directions, axis=1)[:, None] * 1e4 * rng.uniform(1, 9, (count, 1))
     rows = rng.permutation(len(SOURCE) + count)
     scan = prepare(np.concatenate([SOURCE, away])[rows], voxel=4.0).scan
-    assert scan.strays == count
+    assert scan.outliers == count
     assert {tuple(row) for row in np.asarray(scan.cloud.points)} == {tuple(row) for row in SOURCE}
 
 
@@ -70,8 +70,8 @@ def test_outliers_are_those_of_the_reference() -> None:
     ],
     ids=["surface", "many", "none"],
 )
-def test_other_points_far_away_are_no_strays(points: np.ndarray) -> None:
-    assert without_strays(as_scan("source", points)).strays == 0
+def test_other_points_far_away_are_no_outliers(points: np.ndarray) -> None:
+    assert without_outliers(as_scan("source", points)).outliers == 0
 
 
 def test_a_small_cloud_gets_enough_voxels_beside_a_huge_one() -> None:
