@@ -283,6 +283,7 @@ pub struct SearchOptions<'py> {
 impl SearchOptions<'_> {
     fn to_core(&self) -> PyResult<Options> {
         let effort = match self.effort.as_str() {
+            "first" => Effort::First,
             "low" => Effort::Low,
             "high" => Effort::High,
             _ => Effort::Normal,

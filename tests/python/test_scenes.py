@@ -19,6 +19,7 @@ from cgroup.scenes.agreement import (
     squared_errors,
     weigh_by_triangles,
 )
+from cgroup.scenes.building import SceneBuilder
 from cgroup.scenes.decide import decide, drop_contradicted, drop_weak_bridges
 from cgroup.scenes.links import Link
 from cgroup.scenes.partners import _fisher_vector, choose_partners
@@ -266,3 +267,25 @@ def test_bad_input_is_one_sentence(bag, given_scans, options, message):
     with pytest.raises(InputError, match=message) as caught:
         register_all(bag[0] if given_scans is None else given_scans, **options)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("effort", ["normal", "high"])
+def test_fine_voxels_are_searched_for_unconnected_scans_with_a_chance(monkeypatch, effort):
+    searched = []
+
+    def search_pairs(builder, pairs, depth, proposed=None):
+        searched.append((depth, set(pairs)))
+        link_pairs(builder, pairs, depth, proposed)
+
+    link_pairs = SceneBuilder._link
+    monkeypatch.setattr(SceneBuilder, "_link", search_pairs)
+    views = [standin_pair(seed=1, turn=turn, pixels=60) for turn in (40, 80)]
+    other = standin_pair(seed=2, pixels=60)
+    register_all([views[0].source, views[0].target, views[1].target, other.source], effort=effort)
+    every = {(one, two) for one in range(4) for two in range(one)}
+    if effort == "high":
+        assert searched == [("high", every)]
+    else:
+        assert searched[0] == ("first", every)
+        assert [depth for depth, _ in searched] == ["first", "normal"]
+        assert all(3 in pair for pair in searched[1][1])

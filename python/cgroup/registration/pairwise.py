@@ -39,7 +39,7 @@ from cgroup.registration.prepare import (
     as_given,
 )
 from cgroup.registration.result import Registration, merge_clouds, registration_of
-from cgroup.registration.search import EFFORTS, Effort, Region, Search, confirm_pose
+from cgroup.registration.search import EFFORTS, Depth, Effort, Region, Search, confirm_pose
 
 __all__ = [
     "ACCEPTED",
@@ -48,6 +48,7 @@ __all__ = [
     "LEAST_VOXELS",
     "Case",
     "DenseFront",
+    "Depth",
     "Effort",
     "FalseAccepts",
     "Found",

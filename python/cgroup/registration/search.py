@@ -23,6 +23,7 @@ from cgroup.types import Correspondences, FloatArray, RealArray
 from cgroup.types.fields import Fields, own_correspondences
 
 Effort: TypeAlias = Literal["low", "normal", "high"]
+Depth: TypeAlias = Literal["first", "low", "normal", "high"]  # "first": at the coarsest voxels only
 EFFORTS: tuple[Effort, ...] = ("low", "normal", "high")
 MAX_MATCHES = 1 << 32  # bytes of the matches of two scans
 
@@ -52,7 +53,7 @@ class Search:
     method: str
     options: Mapping[str, Any]
     axis: FloatArray | None
-    effort: Effort
+    effort: Depth
     threads: int | None
     clock: StageClock
     front: PaperFront | None = None
@@ -84,9 +85,7 @@ class Search:
         if refusal is not None:
             side = (source, target)[refusal[0]]
             raise refused(side.scan, side.voxel, refusal[1])
-        return (
-            None if found is None else found_of(found, source, self.threads, None if own is None else own[0])
-        )
+        return found and found_of(found, source, self.threads, own and own[0])
 
     def _propose(
         self, source: PreparedScan, target: PreparedScan

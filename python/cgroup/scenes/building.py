@@ -10,7 +10,7 @@ import numpy as np
 from cgroup._runtime.progress import StageClock, ignore_progress
 from cgroup.pose_graph import PoseGraph
 from cgroup.registration import Effort, PreparedScan
-from cgroup.registration.pairwise import FalseAccepts, count_false_accepts, is_accepted
+from cgroup.registration.pairwise import Depth, FalseAccepts, count_false_accepts, is_accepted
 from cgroup.rigid import invert
 from cgroup.rigid.se3 import adjoint
 from cgroup.scenes import settings
@@ -90,9 +90,20 @@ class SceneBuilder:
             left = settings.BUDGET * len(self.scans) - len(self._tried)
             wanted = choose_partners(similarity, self._tried, labels, settings.MORE_PARTNERS)[: max(left, 0)]
 
-    def _register(self, pairs: Sequence[tuple[int, int]], proposed: FloatArray | None = None) -> None:
+    def _register(self, pairs: Sequence[tuple[int, int]]) -> None:
+        """Register pairs at coarse voxels, then the unconnected ones with a chance at fine voxels."""
+        if self._effort != "high":
+            self._link(pairs, "first")
+            labels = self._decide().labels
+            unconnected = [pair for pair in pairs if labels[pair[0]] != labels[pair[1]]]
+            pairs = [pair for pair in unconnected if self._chances.get(pair, 1.0) > settings.HOPELESS]
+        self._link(pairs, self._effort)
+
+    def _link(
+        self, pairs: Sequence[tuple[int, int]], effort: Depth, proposed: FloatArray | None = None
+    ) -> None:
         starts = [None] * len(pairs) if proposed is None else [pose[None] for pose in proposed]
-        tasks = [(pair, (self._axis, self._effort, start)) for pair, start in zip(pairs, starts, strict=True)]
+        tasks = [(pair, (self._axis, effort, start)) for pair, start in zip(pairs, starts, strict=True)]
         for pair, found in zip(pairs, self._call(link, tasks), strict=True):
             self._tried.add((max(pair), min(pair)))
             if found is not None:
@@ -102,7 +113,7 @@ class SceneBuilder:
         """Register neighbours from their odometry; link them by it if the surfaces are inconclusive."""
         pairs = [(row, row - 1) for row in range(1, len(self.scans))]
         moved = np.array([invert(odometry[target]) @ odometry[source] for source, target in pairs])
-        self._register(pairs, moved)
+        self._link(pairs, self._effort, moved)
         spread = np.diag([settings.ODOMETRY_TURN**2] * 3 + [(settings.ODOMETRY_SHIFT * self._voxel) ** 2] * 3)
         for pair, pose in zip(pairs, moved, strict=True):
             found = self._links.get(pair)
@@ -121,9 +132,8 @@ class SceneBuilder:
         order = list(range(row))
         if row >= settings.ALL_PAIRS:
             vectors = describe_scans(grown.scans)
-            order = np.argsort(-(vectors @ vectors[row])[:row], kind="stable")[
-                : 2 * settings.FIRST_PARTNERS
-            ].tolist()
+            order = np.argsort(-(vectors @ vectors[row])[:row], kind="stable").tolist()
+            del order[2 * settings.FIRST_PARTNERS :]
         clock.start("pairs")
         grown._register([(row, other) for other in order])
         grown._decision = grown._decide()
@@ -184,10 +194,8 @@ class SceneBuilder:
         for _ in range(settings.UNION_ROUNDS):
             self._move(refine_on_unions(self._call, sorted(refined), self._decision))
         graph = self._graph(refined)
-        covariance = np.zeros((len(self.scans), 6, 6))
-        for row, pose in enumerate(self._decision.poses):
-            change = adjoint(pose)
-            covariance[row] = change @ graph.covariance(row) @ change.T
+        changes = [adjoint(pose) for pose in self._decision.poses]
+        covariance = np.array([by @ graph.covariance(row) @ by.T for row, by in enumerate(changes)])
         return Scene(
             poses=self._decision.poses,
             components=self._decision.components,

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cgroup._runtime.progress import StageClock, ignore_progress
-from cgroup.registration import Effort, PreparedScan
-from cgroup.registration.pairwise import Found, Search, bound_by_motions, confirm_pose, is_accepted
+from cgroup.registration import PreparedScan
+from cgroup.registration.pairwise import Depth, Found, Search, bound_by_motions, confirm_pose, is_accepted
 from cgroup.rigid.se3 import adjoint
 from cgroup.types import FloatArray
 
@@ -57,7 +57,7 @@ def link(
     source: PreparedScan,
     target: PreparedScan,
     axis: FloatArray | None,
-    effort: Effort,
+    effort: Depth,
     proposed: FloatArray | None = None,
 ) -> Link | None:
     """Register two scans; None if there is no candidate pose."""

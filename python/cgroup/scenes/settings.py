@@ -8,6 +8,7 @@ import numpy as np
 ALL_PAIRS = 20  # largest number of scans of which every pair is tried
 FIRST_PARTNERS, MORE_PARTNERS = 6, 2  # partners of each scan at first, and in each further round
 BUDGET = 8  # largest number of pairs per scan
+HOPELESS = 0.01  # probability at coarse voxels below which a pair is not registered at fine ones
 GAUSSIANS, DIMENSIONS = 64, 16  # of the mixture that describes scans
 TRAINING, TRAINING_OF_EACH = 20_000, 1500  # descriptors that it is fitted to: of all scans, and of one
 MIXTURE_ROUNDS, LEAST_VARIANCE = 15, 0.05  # of expectation maximization

@@ -10,6 +10,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::error::Result;
 use crate::geometry::rigid::Rigid;
+use crate::memory;
 use crate::pose_graph::motion::{compose, inverse};
 use crate::verification::{align_by, score_poses};
 
@@ -17,7 +18,7 @@ use super::clock::Stage;
 use super::evidence::{Evidence, misfit};
 use super::lazy::lazily;
 use super::level::{FinePair, Pair};
-use super::posterior::Case;
+use super::posterior::{Case, share_probability};
 use super::proposals::VoxelMatches;
 use super::search::Run;
 use super::settings::{
@@ -29,7 +30,16 @@ use super::settings::{
 #[derive(Debug, Clone, Copy)]
 pub struct Decoy {
     case: Case,
+    /// Sum of the probabilities of its rivals, as multiples of its own.
+    rivals: f64,
     pose: Rigid,
+}
+
+impl Decoy {
+    /// Returns the probability of this pose, with the best pose of the source as what chance reaches.
+    pub fn probability(&self, best: &Case) -> f64 {
+        1.0 / (1.0 / self.case.as_decoy(best) + self.rivals)
+    }
 }
 
 /// What chance reaches on two scans.
@@ -37,8 +47,8 @@ pub struct Decoy {
 pub struct Chance {
     /// Nats against a pose.
     pub nats: f64,
-    /// Evidence for the mirrored pose, unless it is a symmetry of the scan.
-    pub case: Option<Case>,
+    /// The mirrored pose, unless it is a symmetry of the scan.
+    pub decoy: Option<Decoy>,
 }
 
 impl Run<'_> {
@@ -50,7 +60,7 @@ impl Run<'_> {
     /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
     pub(super) fn chance(&self, pose: &Rigid) -> Result<Chance> {
         let Some(decoy) = self.decoy()? else {
-            return Ok(Chance { nats: CHANCE_SHARE * LEAST_CHANCE, case: None });
+            return Ok(Chance { nats: CHANCE_SHARE * LEAST_CHANCE, decoy: None });
         };
         let (nats, surfaces) = (decoy.case.chance_nats(), decoy.case.lead_of_surfaces());
         let is_a_symmetry = nats > CHANCE_OF_SYMMETRY
@@ -59,9 +69,9 @@ impl Run<'_> {
             });
         self.clock.end(Stage::Evidence);
         Ok(if is_a_symmetry {
-            Chance { nats: CHANCE_OF_SYMMETRY, case: None }
+            Chance { nats: CHANCE_OF_SYMMETRY, decoy: None }
         } else {
-            Chance { nats, case: Some(decoy.case) }
+            Chance { nats, decoy: Some(decoy) }
         })
     }
 
@@ -90,9 +100,13 @@ impl Run<'_> {
             let mut verified = run.verify(&run.propose()?, KEPT.1)?;
             verified.truncate(DECOYS);
             let mut finalists = run.settle(&verified)?;
-            let best = run.gather(&mut finalists)?.first().map(|&row| &finalists[row]);
+            let rows = run.gather(&mut finalists)?;
             self.clock.end(Stage::Evidence);
-            Ok(best.and_then(|best| Some(Decoy { case: best.case?, pose: best.found.pose })))
+            let cases = memory::collect(rows.iter().filter_map(|&row| finalists[row].case))?;
+            let mut shares = Vec::new();
+            share_probability(&cases, 1, &mut shares);
+            let (Some(&row), Some(&case)) = (rows.first(), cases.first()) else { return Ok(None) };
+            Ok(Some(Decoy { case, rivals: shares.iter().sum(), pose: finalists[row].found.pose }))
         });
         found.copied()
     }

@@ -12,6 +12,8 @@ use super::settings::MAX_TILT;
 /// Length of a search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Effort {
+    /// The first level only.
+    First,
     /// Mutual matches only.
     Low,
     /// All matches too, if the mutual ones do not give a sure pose.

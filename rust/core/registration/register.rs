@@ -135,7 +135,7 @@ fn plan(source: &Prepared, target: &Prepared, options: &Options) -> Vec<(usize, 
     }
     let few = source.scan().points().len().min(target.scan().points().len()) < FEW_POINTS;
     let mut rows = if few { OF_FEW.to_vec() } else { USUAL.to_vec() };
-    if few && options.effort == Effort::Low {
+    if options.effort == Effort::First || few && options.effort == Effort::Low {
         rows.truncate(1);
     }
     if options.effort == Effort::High && options.proposer == Proposer::Voxels {

@@ -82,7 +82,8 @@ pub fn search(
     let verified = run.verify(&poses, KEPT.0)?;
     let best = run.rank(&verified)?;
     let is_sure = best.as_ref().is_some_and(|best| best.probability >= SURE);
-    let is_last = options.effort == Effort::Low || options.is_coarse || options.proposer == Proposer::Given;
+    let is_brief = matches!(options.effort, Effort::First | Effort::Low);
+    let is_last = is_brief || options.is_coarse || options.proposer == Proposer::Given;
     if is_last || is_sure {
         return Ok(best.map(|best| (best, run.matches)));
     }
@@ -244,7 +245,8 @@ impl<'a> Run<'a> {
             compared = self.compare(&mut finalists, chance.as_ref())?;
         }
         let mut found = self.conclude(&finalists, compared)?;
-        found.decoy = chance.map(|chance| chance.case.map_or(0.0, |case| case.as_decoy(&found.cases[0])));
+        found.decoy =
+            chance.map(|chance| chance.decoy.map_or(0.0, |decoy| decoy.probability(&found.cases[0])));
         Ok(Some(found))
     }
 
