@@ -124,11 +124,13 @@ pub fn share_probability(cases: &[Case], scales: usize, shares: &mut Vec<f64>) -
     1.0 / (1.0 + none + shares.iter().sum::<f64>())
 }
 
-/// Returns the probability of a pose that was found at two levels, from those of both: the odds of the more probable one grow by
-/// at most one nat.
-pub fn confirmed(one: f64, other: f64) -> f64 {
-    let (best, second) = (one.max(other), one.min(other));
-    best / (best + (1.0 - best) * (-(2.0 * second).min(1.0)).exp())
+/// Returns the probability of a pose that was found at two levels, from that of the level with the larger one, the shares of its
+/// rivals there, and the probability at the other level: the odds against "none of these" grow by at most one nat. Those against
+/// the rivals do not, since the same rival is preferred at both levels.
+pub fn confirmed(best: f64, shares: &[f64], other: f64) -> f64 {
+    let against = 1.0 / best.max(f64::MIN_POSITIVE) - 1.0;
+    let rivals = shares.iter().sum::<f64>().min(against);
+    1.0 / (1.0 + rivals + (against - rivals) * (-(2.0 * other).min(1.0)).exp())
 }
 
 /// Returns whether a pose is accepted.
@@ -188,8 +190,10 @@ mod tests {
     fn few_voxels_and_open_motions_bound_a_probability() {
         assert!((bound_by_size(0.8, 50) - 0.4).abs() < 1e-12);
         assert!(
-            (confirmed(0.5, 0.5) - 1.0 / (1.0 + (-1.0_f64).exp())).abs() < 1e-12
-                && confirmed(0.0, 0.0).abs() < 1e-12
+            (confirmed(0.5, &[], 0.5) - 1.0 / (1.0 + (-1.0_f64).exp())).abs() < 1e-12
+                && (confirmed(0.4, &[1.0], 0.4) - 1.0 / (2.0 + 0.5 * (-0.8_f64).exp())).abs() < 1e-12
+                && confirmed(0.3, &[1.0, 3.0], 0.3) <= 0.3 + 1e-12
+                && confirmed(0.0, &[], 0.0).abs() < 1e-12
         );
         assert!((bound_by_size(0.8, 5000) - 0.8).abs() < 1e-12);
         assert!((bound_by_motions(0.8, 1) - 0.8).abs() < 1e-12);

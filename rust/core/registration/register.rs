@@ -115,9 +115,8 @@ fn choose(mut coarse: Registered, mut fine: Registered) -> Registered {
             one.probability *= other.scale_factor / one.scale_factor;
             (one.scale_factor, one.better_scale) = (other.scale_factor, other.better_scale);
         }
-        let both = confirmed(one.probability, other.probability);
-        let best = if one.probability >= other.probability { one } else { other };
-        best.probability = both;
+        let (best, second) = if one.probability >= other.probability { (one, other) } else { (other, one) };
+        best.probability = confirmed(best.probability, &best.shares, second.probability);
     }
     if coarse.found.probability >= fine.found.probability { coarse } else { fine }
 }
