@@ -44,7 +44,7 @@ impl Evidence {
         let (one, other) = (pair.source.planes(execution)?, pair.target.planes(execution)?);
         let planes = one.count_agreeing(other, pose, voxel).max(other.count_agreeing(one, &back, voxel));
         let known = pair.source.viewpoint().and(pair.target.viewpoint());
-        let crossed = known.map(|_| crossed(pair, pose, &back, execution)).transpose()?;
+        let crossed = known.map(|_| crossed(pair, pose, execution)).transpose()?;
         Ok(Self { cells: cells as f64 / 2.0, planes, crossed })
     }
 }
@@ -71,7 +71,11 @@ fn count_cells(
 }
 
 /// Returns the share of the seen voxels of both scans that lie in the other's free space.
-fn crossed(pair: Pair<'_>, pose: &Rigid, back: &Rigid, execution: &Execution) -> Result<f64> {
+///
+/// # Errors
+/// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
+pub fn crossed(pair: Pair<'_>, pose: &Rigid, execution: &Execution) -> Result<f64> {
+    let back = &inverse(pose);
     let (source, target) = (pair.source.surface(), pair.target.surface());
     let (mut in_front, mut seen) = (0, 0);
     for found in [places(source, target, pose, execution)?, places(target, source, back, execution)?] {

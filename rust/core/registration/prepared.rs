@@ -68,6 +68,17 @@ impl Prepared {
         Ok(Self::new(scan, voxel, self.radii, outside, self.most))
     }
 
+    /// Returns the whole scan with nothing known of its viewpoint.
+    #[must_use]
+    pub fn without_viewpoint(&self) -> Self {
+        Self::new(Arc::clone(&self.scan), self.voxel, self.radii, Outside::Frames(None), self.most)
+    }
+
+    /// Returns whether the scanner's position is known, and the scan is no part of another.
+    pub fn sees(&self) -> bool {
+        !self.is_single && matches!(self.outside, Outside::Viewpoint(_) | Outside::Frames(Some(_)))
+    }
+
     /// Returns the cloud before it is downsampled.
     pub fn scan(&self) -> &Arc<Scan> {
         &self.scan

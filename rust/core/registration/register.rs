@@ -10,14 +10,15 @@ use crate::geometry::rigid::Rigid;
 use crate::memory;
 
 use super::clock::{Clock, STAGES, Stage};
+use super::evidence::crossed;
 use super::found::Found;
 use super::level::{Level, Pair, Refusal};
 use super::options::{Effort, Options, Proposer};
-use super::posterior::confirmed;
+use super::posterior::{confirmed, is_accepted};
 use super::prepared::Prepared;
 use super::proposals::VoxelMatches;
 use super::search::{finish, search};
-use super::settings::{ACCEPTED, FEW_POINTS, FINE, PREPARED, SAME_PLACE, SURE};
+use super::settings::{ACCEPTED, FEW_POINTS, FINE, MOST_CROSSED, PREPARED, SAME_PLACE, SURE};
 
 /// Rows of the voxel factors and numbers of matches per voxel: usual, of few points, of more effort.
 const USUAL: [(usize, usize); 2] = [(0, 1), (PREPARED, 1)];
@@ -33,6 +34,8 @@ pub struct Registered {
     pub matches: VoxelMatches,
     /// Source and target at the voxel size of the search.
     pub levels: [Arc<Level>; 2],
+    /// Row of that size in the voxel factors.
+    row: usize,
     /// Wall time of each stage ([`STAGES`]).
     pub seconds: [f64; STAGES.len()],
 }
@@ -41,7 +44,7 @@ impl Registered {
     /// Returns the result for a pose that was judged alone.
     pub fn alone(found: Found, levels: [Arc<Level>; 2]) -> Self {
         let matches = VoxelMatches::none(Pair { source: &levels[0], target: &levels[1] });
-        Self { found, matches, levels, seconds: [0.0; STAGES.len()] }
+        Self { found, matches, levels, row: PREPARED, seconds: [0.0; STAGES.len()] }
     }
 }
 
@@ -56,10 +59,20 @@ pub enum Outcome {
     Refused(usize, Refusal),
 }
 
+impl Outcome {
+    fn is_accepted(&self) -> bool {
+        matches!(self, Self::Found(done) if is_accepted(done.found.probability))
+    }
+}
+
 /// Registers two prepared scans: searches from coarse to fine voxels until a pose is sure. The result does not depend on the roles
 /// of the scans.
 ///
 /// A finer level also compares the best poses of the coarser one. The most probable pose of all levels is returned.
+///
+/// If a viewpoint is known and no pose is accepted, the scans are registered without viewpoints too: speckle of a sensor in free
+/// space and unobserved directions count against right poses of a small overlap. A pose that is accepted then is returned unless
+/// a larger share of the scans lies in free space.
 ///
 /// # Errors
 /// [`crate::Error::InvalidInput`] for voxels that are too small for the box around a scan; [`crate::Error::Interrupted`],
@@ -71,6 +84,38 @@ pub fn register(
     execution: &Execution,
 ) -> Result<Outcome> {
     let clock = Clock::default();
+    let found = search_levels(source, target, options, &clock, execution)?;
+    let is_seen = source.sees() || target.sees();
+    if !is_seen
+        || found.is_accepted()
+        || options.proposer != Proposer::Voxels
+        || options.effort == Effort::First
+    {
+        return Ok(found);
+    }
+    let blind = [source, target].map(Prepared::without_viewpoint);
+    let other = search_levels(&blind[0], &blind[1], options, &clock, execution)?;
+    if let Outcome::Found(done) = &other
+        && other.is_accepted()
+    {
+        let levels = [source.level(done.row, execution)?, target.level(done.row, execution)?];
+        if let [Ok(source), Ok(target)] = levels
+            && crossed(Pair { source, target }, &done.found.refined.pose, execution)? <= MOST_CROSSED
+        {
+            return Ok(other);
+        }
+    }
+    Ok(found)
+}
+
+/// Registers two scans at one level after the other, until a pose is sure.
+fn search_levels(
+    source: &Prepared,
+    target: &Prepared,
+    options: &Options,
+    clock: &Clock,
+    execution: &Execution,
+) -> Result<Outcome> {
     let mut best: Option<Registered> = None;
     for (row, k) in plan(source, target, options) {
         let enough = if row == PREPARED { SURE } else { ACCEPTED };
@@ -91,7 +136,7 @@ pub fn register(
             }
         };
         let finer = (row < PREPARED).then(|| FINE[0] * source.voxel());
-        let found = search_level(levels, best.as_ref(), (options, k, finer), &clock, execution)?;
+        let found = search_level((levels, row), best.as_ref(), (options, k, finer), clock, execution)?;
         best = match (best, found) {
             (Some(coarse), Some(fine)) => Some(choose(coarse, fine)),
             (coarse, fine) => fine.or(coarse),
@@ -160,7 +205,7 @@ fn ready(
 
 /// Searches at one level, in the order of the scans that does not depend on their roles.
 fn search_level(
-    levels: [Arc<Level>; 2],
+    (levels, row): ([Arc<Level>; 2], usize),
     coarser: Option<&Registered>,
     (options, k, finer): (&Options, usize, Option<f64>),
     clock: &Clock,
@@ -180,7 +225,7 @@ fn search_level(
     finish(ordered, &mut found, finer, &asked, execution)?;
     clock.end(Stage::Evidence);
     let (found, matches) = if is_turned { (found.turned(), matches.turned()) } else { (found, matches) };
-    Ok(Some(Registered { matches, ..Registered::alone(found, levels) }))
+    Ok(Some(Registered { matches, row, ..Registered::alone(found, levels) }))
 }
 
 /// Returns a sort key of a scan that does not depend on its frame: its size, then the distance of a voxel from the mean.
