@@ -7,13 +7,13 @@ use crate::execution::Execution;
 use crate::geometry::rigid::Rigid;
 use crate::memory;
 use crate::pose_graph::motion::{compose, inverse};
-use crate::verification::{Alignment, DIFFERENT, align};
+use crate::verification::{Alignment, DIFFERENT, align, scatter_of_blocks};
 
 use super::level::{FinePair, Pair};
 use super::motions::{Resisted, about, motion_of, moved};
 use super::settings::{
     ALIKE, DISPLACED, INDEPENDENT, LEAST_DEVIATION, LEAST_RESISTANCE, LEFT, NOT_PULLED_BACK, OPEN,
-    PULLING_ROUNDS, PULLING_SAMPLES, UNIT,
+    PULLING_ROUNDS, PULLING_SAMPLES, SCATTER, UNIT,
 };
 
 /// Returns the resistance of the surfaces to motions of the source under a pose.
@@ -51,10 +51,11 @@ pub fn count_open_motions(
 
 /// Returns the covariance of the small motion of the origin of the target's frame that maps a refined pose to the true one.
 ///
-/// `(s^2 + (0.01 v)^2) (W / 1500 + 2.5) H^-1 + 0.1 sum_k x_k x_k^T`: s the root mean square of the residuals, v the voxel, H and W
-/// the matrix and the weight of a point-to-plane step, `x_k` the remainder of a displacement by a voxel, to either side along each
-/// eigenvector of H, after refining again (after M. Brossard, S. Bonnabel, A. Barrau, *A new approach to 3D ICP covariance
-/// estimation*, RA-L 2020). Along an open motion the pose may lie anywhere within 8 voxels; farther poses are its rivals.
+/// `(s^2 + (0.01 v)^2) (W / 5000 + 0.75) H^-1 + 0.03 sum_k x_k x_k^T + 3 S`: s the root mean square of the residuals, v the voxel, H
+/// and W the matrix and the weight of a point-to-plane step, `x_k` the remainder of a displacement by a voxel, to either side along
+/// each eigenvector of H, after refining again (after M. Brossard, S. Bonnabel, A. Barrau, *A new approach to 3D ICP covariance
+/// estimation*, RA-L 2020), S the scatter of blocks as large as the median distance of the points from their middle
+/// ([`scatter_of_blocks`]). Along an open motion the pose may lie anywhere within 8 voxels; farther poses are its rivals.
 ///
 /// # Errors
 /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
@@ -70,7 +71,9 @@ pub fn covariance_of(
         if found.residuals.is_empty() { voxel * voxel } else { squares / found.residuals.len() as f64 };
     let noise = (variance + (LEAST_DEVIATION * voxel).powi(2))
         * (1.0 / INDEPENDENT + ALIKE / resisted.weight.max(1.0));
-    let mut covariance = Matrix6::zeros();
+    let blocks = (&resisted.middle, resisted.radius);
+    let mut covariance =
+        SCATTER * scatter_of_blocks(fine.source, fine.target, &found.pose, blocks, execution)?;
     for (motion, value) in resisted.motions.iter().zip(resisted.values) {
         let how = (PULLING_SAMPLES.0, PULLING_ROUNDS.0);
         let left = displace(fine, &found.pose, &resisted, motion, voxel, how, execution)?;

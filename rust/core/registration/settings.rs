@@ -127,13 +127,16 @@ pub const DISPLACED: f64 = 1.0;
 pub const PULLING_SAMPLES: (usize, usize) = (300, 1000);
 /// Refinements of a displaced pose: for the covariance, and for open motions.
 pub const PULLING_ROUNDS: (usize, usize) = (1, 3);
-/// Largest number of independent residuals. Chosen on generated worlds, whose poses are exact.
-pub const INDEPENDENT: f64 = 1500.0;
-/// Neighbouring residuals with equal errors, if there are few residuals. Chosen on generated worlds.
-pub const ALIKE: f64 = 2.5;
+/// Largest number of independent residuals. This and the next ones are chosen on generated worlds and on disjoint halves of scans,
+/// whose poses are exact.
+pub const INDEPENDENT: f64 = 5000.0;
+/// Neighbouring residuals with equal errors, if there are few residuals.
+pub const ALIKE: f64 = 0.75;
 /// Least standard deviation of the residuals, in voxels.
 pub const LEAST_DEVIATION: f64 = 0.01;
-/// Weight of the remainders of displacements in the covariance. Chosen on generated worlds.
-pub const LEFT: f64 = 0.1;
+/// Weight of the remainders of displacements in the covariance.
+pub const LEFT: f64 = 0.03;
+/// Weight of the scatter of the blocks in the covariance.
+pub const SCATTER: f64 = 3.0;
 /// Least resistance of a motion in the covariance.
 pub const LEAST_RESISTANCE: f64 = 1e-6;

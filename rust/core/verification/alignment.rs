@@ -121,6 +121,49 @@ pub fn align_by(
     })
 }
 
+/// Returns the covariance of the motion about a point of the target's data that refines a pose, from the scatter of what the blocks of
+/// a grid of cubes about that point, along the target's own axes, contribute to it.
+///
+/// `B / (B - 1) H^-1 (sum_b g_b g_b^T) H^-1`: H the matrix of a point-to-plane step, `g_b` the sum of the weighted residuals of
+/// block b, B the number of blocks (K.-Y. Liang, S. Zeger, *Longitudinal data analysis using generalized linear models*, Biometrika
+/// 1986). Residuals of one block may be correlated. Zero for fewer than 20 pairs.
+///
+/// # Errors
+/// As for [`align`].
+pub fn scatter_of_blocks(
+    source: &FineSurface,
+    target: &FineSurface,
+    pose: &Rigid,
+    (middle, block): (&Vector3<f64>, f64),
+    execution: &Execution,
+) -> Result<Matrix6<f64>> {
+    check_spacings(source, target)?;
+    let (a, frame) = (target.spacing(), target.frame());
+    let own = source.frame().pose_onto(frame, pose);
+    let pairs =
+        Known::new(source, target, usize::MAX)?.pair(source, target, &own, REACH, usize::MAX, execution)?;
+    let mut matrix = Matrix6::zeros();
+    let mut parts = memory::collect(weighted(&pairs, LAST_REACH)?.map(|(pair, weight)| {
+        let place = (frame.in_data(&(pair.place * a)) - middle) / block;
+        let row = motion_row(&place, &frame.axes.tr_mul(&pair.normal));
+        matrix.ger(weight, &row, &row, 1.0);
+        ((frame.axes * place).map(|part| part.floor() as i64).into(), row * (weight * pair.residual * a))
+    }))?;
+    parts.sort_by_key(|&(block, _): &([i64; 3], Vector6<f64>)| block);
+    let (mut scatter, mut blocks) = (Matrix6::zeros(), 0.0);
+    for part in parts.chunk_by(|one, other| one.0 == other.0) {
+        let sum = part.iter().map(|(_, part)| part).sum::<Vector6<f64>>();
+        scatter.ger(1.0, &sum, &sum, 1.0);
+        blocks += 1.0;
+    }
+    let damped = matrix + Matrix6::identity() * (DAMPING * matrix.diagonal().max());
+    let Some(inverse) = damped.try_inverse().filter(|_| pairs.len() >= LEAST_PAIRS && blocks > 1.0) else {
+        return Ok(Matrix6::zeros());
+    };
+    let scale = Matrix6::from_diagonal(&Vector6::from_fn(|row, _| if row < 3 { 1.0 / block } else { 1.0 }));
+    Ok(scale * inverse * scatter * inverse * scale * (blocks / (blocks - 1.0)))
+}
+
 /// Returns the distance of the target's nearest point from the plane of each source sample under the pose;
 /// NaN without a point within 3 spacings.
 ///
@@ -185,23 +228,33 @@ struct Equations {
 
 /// Sums the pairs within reach, weighted by their distance and by Tukey's function of their residual.
 fn equations(pairs: &[Pair], reach: f64) -> Result<Equations> {
-    let square = reach * reach;
-    let near = || pairs.iter().filter(|pair| pair.squared_distance < square);
-    let cut = CUT * standard_deviation(near())?;
-    let mut sums =
-        Equations { matrix: Matrix6::zeros(), right: Vector6::zeros(), weight: 0.0, pairs: near().count() };
-    for pair in near() {
-        let share = pair.residual / cut;
-        if share.abs() < 1.0 {
-            let weight = (1.0 - pair.squared_distance / square) * (1.0 - share * share).powi(2);
-            let turn = pair.place.cross(&pair.normal);
-            let row = Vector6::new(turn.x, turn.y, turn.z, pair.normal.x, pair.normal.y, pair.normal.z);
-            sums.matrix.ger(weight, &row, &row, 1.0);
-            sums.right.axpy(-weight * pair.residual, &row, 1.0);
-            sums.weight += weight;
-        }
+    let mut sums = Equations { matrix: Matrix6::zeros(), right: Vector6::zeros(), weight: 0.0, pairs: 0 };
+    sums.pairs = pairs.iter().filter(|pair| pair.squared_distance < reach * reach).count();
+    for (pair, weight) in weighted(pairs, reach)? {
+        let row = motion_row(&pair.place, &pair.normal);
+        sums.matrix.ger(weight, &row, &row, 1.0);
+        sums.right.axpy(-weight * pair.residual, &row, 1.0);
+        sums.weight += weight;
     }
     Ok(sums)
+}
+
+/// Returns the pairs within reach that have a weight.
+fn weighted(pairs: &[Pair], reach: f64) -> Result<impl Iterator<Item = (&Pair, f64)>> {
+    let square = reach * reach;
+    let near = pairs.iter().filter(move |pair| pair.squared_distance < square);
+    let cut = CUT * standard_deviation(near.clone())?;
+    Ok(near.filter_map(move |pair| {
+        let share = pair.residual / cut;
+        let weight = (1.0 - pair.squared_distance / square) * (1.0 - share * share).powi(2);
+        (share.abs() < 1.0).then_some((pair, weight))
+    }))
+}
+
+/// Returns the derivative of a residual by a motion, a rotation vector and a translation.
+fn motion_row(place: &Vector3<f64>, normal: &Vector3<f64>) -> Vector6<f64> {
+    let turn = place.cross(normal);
+    Vector6::new(turn.x, turn.y, turn.z, normal.x, normal.y, normal.z)
 }
 
 /// Robust standard deviation of the residuals, from their median.
@@ -272,6 +325,24 @@ mod tests {
         assert!((found.pose.rotation - Matrix3::identity()).amax() < 1e-3);
         assert_eq!(found.residuals.len(), found.samples);
         assert_eq!(found.residuals.len(), found.deviations.len());
+        Ok(())
+    }
+
+    #[test]
+    fn blocks_scatter_as_far_as_they_contradict_each_other() -> Result<()> {
+        let (rows, execution) = (waves(), Execution::default());
+        let still = motion(Vector3::zeros(), Vector3::zeros());
+        let shift = |row: &[f64; 3]| if row[0] < 20.0 { 0.1 } else { -0.1 };
+        let bent: Vec<[f64; 3]> = rows.iter().map(|row| [row[0], row[1], row[2] + shift(row)]).collect();
+        let (one, other) = (surface(&rows)?, surface(&bent)?);
+        let blocks = (&Vector3::new(19.5, 19.5, 0.0), 20.0);
+        let itself = scatter_of_blocks(&one, &one, &still, blocks, &execution)?;
+        assert!(itself.amax() < 1e-6);
+        // Two to eight blocks have a mean of 0.1 or -0.1.
+        let found = scatter_of_blocks(&one, &other, &still, blocks, &execution)?;
+        assert!((1e-4..1e-2).contains(&found[(5, 5)]));
+        let far = motion(Vector3::zeros(), Vector3::repeat(1e3));
+        assert!(scatter_of_blocks(&one, &other, &far, blocks, &execution)?.amax().abs() < f64::EPSILON);
         Ok(())
     }
 

@@ -28,7 +28,7 @@ mod refine;
 mod sampling;
 mod score;
 
-pub use alignment::{Alignment, align, align_by, plane_distances, plane_distances_of};
+pub use alignment::{Alignment, align, align_by, plane_distances, plane_distances_of, scatter_of_blocks};
 pub use fine_surface::FineSurface;
 pub use overlap::{Overlap, Resistance, overlap};
 pub use places::{Place, places};
