@@ -10,6 +10,7 @@ mod inlier_counter;
 pub mod landing;
 pub mod likelihood;
 pub mod maximum_clique;
+pub mod mixture;
 pub mod modes;
 pub mod reweighting;
 pub mod sample_consensus;

@@ -46,6 +46,13 @@ impl Rigid {
         Self { rotation: self.rotation, translation }
     }
 
+    /// The same motion between centred points: the inverse of [`Self::uncentered`].
+    #[must_use]
+    pub fn centered(&self, source: &Points, target: &Points) -> Self {
+        let translation = self.translation + self.rotation * source.center() - target.center();
+        Self { rotation: self.rotation, translation }
+    }
+
     /// Homogeneous 4x4 matrix.
     pub fn to_matrix(&self) -> Matrix4<f64> {
         let mut matrix = self.rotation.to_homogeneous();

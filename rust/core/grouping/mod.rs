@@ -1,5 +1,6 @@
 //! The grouping methods, one file each, independent of each other.
 
+pub mod bound;
 pub mod clipper;
 pub mod consistency_voting;
 pub mod game_theory;
@@ -7,6 +8,8 @@ pub mod geometric_consistency;
 pub mod hough_voting;
 pub mod likelihood_consensus;
 pub mod mac;
+pub mod match_posterior;
+pub mod motions;
 pub mod nearest_neighbor_ratio;
 pub mod ransac;
 pub mod sc2pcr;

@@ -40,7 +40,7 @@ pub fn levels(
 }
 
 /// `sum over k of max(0, 1 - d_ik^2 / radius^2)` at each point.
-fn density(points: &Points, radius: f64, execution: &Execution) -> Result<Vec<f64>> {
+pub(crate) fn density(points: &Points, radius: f64, execution: &Execution) -> Result<Vec<f64>> {
     let limit = radius * radius;
     BallSearch::new(points, radius)?.map_points(execution, |_, ball| {
         ball.squared_distances().iter().map(|square| 1.0 - square / limit).sum()

@@ -35,6 +35,7 @@ mod scale;
 
 use nalgebra::{Matrix3, Vector3};
 
+pub(crate) use noise::likely_tolerance;
 pub use scale::Scale;
 
 use super::GroupingMethod;
