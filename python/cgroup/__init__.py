@@ -28,7 +28,7 @@ from cgroup._core import __version__
 from cgroup._runtime.memory import reserve_linear_algebra as _reserve_linear_algebra
 from cgroup.errors import CgroupError, InputError, NoConsensusError, OutOfMemoryError
 from cgroup.explanation import Explanation
-from cgroup.group import group, group_many
+from cgroup.group import certify, group, group_many, group_motions, match_probabilities
 from cgroup.registry import METHODS, PAPER_METHODS, PRESETS
 from cgroup.types import Correspondences, Grouping
 
@@ -73,8 +73,11 @@ __all__ = [
     "NoConsensusError",
     "OutOfMemoryError",
     "__version__",
+    "certify",
     "group",
     "group_many",
+    "group_motions",
+    "match_probabilities",
 ]
 __all__ += methods.__all__
 

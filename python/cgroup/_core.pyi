@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from cgroup._checks.arrays import BoolArray, FloatArray, IndexArray, RealArray
 from cgroup._checks.values import RunOptions
 from cgroup.types.fields import Fields
+from cgroup.types.grouping import Grouping
 
 _DescriptorArray: TypeAlias = NDArray[np.float32]
 
@@ -79,6 +80,7 @@ __all__ = [
     "__version__",
     "align",
     "best_placements",
+    "bound_rivals",
     "choose_apart",
     "choose_voxel",
     "covariance",
@@ -90,10 +92,12 @@ __all__ = [
     "find_scale",
     "fpfh",
     "group",
+    "group_motions",
     "harris3d",
     "iss",
     "lfsh",
     "match_descriptors",
+    "match_probabilities",
     "mesh_normals",
     "nearest",
     "nearest_rows",
@@ -131,6 +135,13 @@ def group(
 ) -> tuple[_Grouping, _Rule, _Agreement | None]: ...
 def describe_methods() -> list[tuple[str, _Description]]: ...
 def rigid_fit(source: RealArray, target: RealArray) -> FloatArray: ...
+def match_probabilities(fields: Fields, grouping: Grouping, run_options: RunOptions) -> FloatArray: ...
+def group_motions(
+    fields: Fields, tolerance: float | None, most: int, run_options: RunOptions
+) -> list[tuple[_Grouping, _Rule, _Agreement | None]]: ...
+def bound_rivals(
+    fields: Fields, model: FloatArray, tolerance: float, run_options: RunOptions
+) -> tuple[int, int]: ...
 
 @final
 class Scan:

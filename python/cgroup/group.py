@@ -6,21 +6,35 @@ import inspect
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
 from functools import cache
+from time import perf_counter
 from typing import Any
 
+from cgroup import _core
 from cgroup._checks.calls import explain_wrong_calls, refuse_too_many, unknown_option
-from cgroup._checks.values import as_choice, as_instance, as_items, refusal
-from cgroup._runtime.memory import default_max_memory, report_refused_memory
+from cgroup._checks.values import (
+    as_choice,
+    as_count,
+    as_instance,
+    as_items,
+    as_length,
+    refusal,
+    run_options,
+)
+from cgroup._runtime.memory import default_max_memory, max_memory_for, report_refused_memory
 from cgroup._runtime.workers import count_workers, work_side_by_side
 from cgroup.errors import InputError
-from cgroup.methods._call import compute
+from cgroup.methods._call import compute, grouping_of
 from cgroup.registry import METHOD_INFO, PRESETS, MethodInfo, MethodName, find_method
-from cgroup.types import Correspondences, Grouping
+from cgroup.types import Correspondences, FloatArray, Grouping
 from cgroup.types.fields import FIELDS, Fields
+from cgroup.types.grouping import find_probabilities
 
 __all__ = [
+    "certify",
     "group",
     "group_many",
+    "group_motions",
+    "match_probabilities",
 ]
 
 
@@ -132,6 +146,150 @@ def group_many(
         return group(problem, method, preset=preset, **{**stoppable, **options})
 
     return work_side_by_side(given, group_one, workers)
+
+
+@report_refused_memory()
+@explain_wrong_calls
+def match_probabilities(
+    matches: Correspondences, grouping: Grouping, *, threads: int | None = None
+) -> FloatArray:
+    """Return the probability that each match is correct, for the group of any method.
+
+    Residuals under the group's pose are those of correct matches, with estimated Gaussian noise, or of wrong
+    ones, which end where targets are dense. The result is multiplied by the probability of the pose, which
+    follows from its number of false alarms and from `Grouping.alternatives`.
+
+    Parameters
+    ----------
+    matches : Correspondences
+        Their resolution, or else that of the group, or of their spacing, is the scale of the noise.
+    grouping : Grouping
+        Group of these matches. Without `Grouping.model` the pose is fitted to the mask.
+    threads : int, optional
+        As for `group_many`.
+
+    Returns
+    -------
+    (n,) array of float64
+        In [0,1]; 0 if the group determines no pose. `Grouping.probabilities` is the same.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup import Correspondences, gc, match_probabilities
+    >>> source = np.random.default_rng(0).uniform(0, 100, (50, 3))
+    >>> target = np.vstack([source[:40] + 5, source[:10]])
+    >>> match_probabilities(
+    ...     Correspondences(source, target), gc(source, target, resolution=1)
+    ... )[38:42].round(2)
+    array([1., 1., 0., 0.])
+    """
+    return find_probabilities(_points_of(matches), as_instance("grouping", grouping, Grouping), threads)
+
+
+@report_refused_memory()
+@explain_wrong_calls
+def group_motions(
+    matches: Correspondences, *, tolerance: float | None = None, most: int = 20, threads: int | None = None
+) -> list[Grouping]:
+    """Group the matches of several rigid motions: bodies that moved apart, or instances of one model.
+
+    `lc` groups the matches, then those that are left, until a group is not `Grouping.ok`. All motions are
+    then refined together, and each match goes to its most probable one.
+
+    Parameters
+    ----------
+    matches : Correspondences
+        Their points, ratio and resolution are used.
+    tolerance : float, optional
+        As for `lc`, in the data's unit.
+    most : int
+        Greatest number of groups.
+    threads : int, optional
+        As for `group_many`.
+
+    Returns
+    -------
+    list of Grouping
+        Disjoint, in the order in which they were found. Their scores are probabilities;
+        `Grouping.false_alarms` counts among the matches left by earlier groups.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup import Correspondences, group_motions
+    >>> source = np.random.default_rng(0).uniform(0, 100, (300, 3))
+    >>> target = source + np.repeat([[0, 0, 50], [0, 9, 0], [30, 0, 0]], 100, axis=0)
+    >>> [
+    ...     found.size
+    ...     for found in group_motions(Correspondences(source, target, resolution=1))
+    ... ]
+    [100, 100, 100]
+    """
+    fields, limit = _points_of(matches), as_count("most", most, 1)
+    length = None if tolerance is None else as_length("tolerance", tolerance)
+    parts = _core.group_motions(fields, length, limit, run_options(threads, max_memory_for(len(matches))))
+    points = matches.source, matches.target
+    return [grouping_of(one, "lc", points, matches.resolution) for one in parts]
+
+
+@report_refused_memory()
+@explain_wrong_calls
+def certify(
+    matches: Correspondences,
+    grouping: Grouping,
+    *,
+    tolerance: float | None = None,
+    threads: int | None = None,
+) -> Grouping:
+    """Bound the number of matches that any rival of the group's pose lays within a tolerance.
+
+    A rival lays at most half of the matches that the pose lays. Any pose that moves at least half of their
+    source points by more than twice the tolerance is a rival. Parameters are as for `match_probabilities`.
+
+    Parameters
+    ----------
+    tolerance : float, optional
+        In the data's unit; by default the method's bound on residuals, or on distances.
+
+    Returns
+    -------
+    Grouping
+        The same, with ``bound``, ``laid`` (matches that the pose lays within the tolerance), ``optimal`` (1
+        if the bound is less than that, else 0) and ``bound_seconds`` in its `diagnostics`.
+
+    Raises
+    ------
+    NoConsensusError
+        If the group determines no pose.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cgroup import Correspondences, certify, lc
+    >>> source = np.random.default_rng(0).uniform(0, 100, (50, 3))
+    >>> matches = Correspondences(source, np.vstack([source[:40] + 5, source[:10]]))
+    >>> certify(matches, lc(source, matches.target, resolution=1)).diagnostics[
+    ...     "optimal"
+    ... ]
+    1.0
+    """
+    fields, start = _points_of(matches), perf_counter()
+    rule = as_instance("grouping", grouping, Grouping).rule
+    if tolerance is None and rule is not None:
+        pairs = None if rule.kind == "residual" else rule.agreement
+        tolerance = rule.bound if pairs is None or pairs.is_ratio else pairs.bound
+    model = grouping.transform() if grouping.model is None else grouping.model
+    run = run_options(threads, max_memory_for(len(matches)))
+    laid, bound = _core.bound_rivals(fields, model, as_length("tolerance", tolerance), run)
+    facts = {"bound": bound, "laid": laid, "optimal": float(bound < laid)}
+    seconds = {"bound_seconds": perf_counter() - start}
+    return replace(grouping, diagnostics={**grouping.diagnostics, **facts, **seconds})
+
+
+def _points_of(matches: Correspondences) -> Fields:
+    as_instance("matches", matches, Correspondences)
+    return Fields(matches.source, matches.target, ratio=matches.ratio, resolution=matches.resolution)
 
 
 def _with_estimated_resolution(correspondences: Correspondences, threads: int | None) -> Correspondences:

@@ -37,7 +37,7 @@ mod _core {
         rcs, resolution, shot, shot_lrf, toldi_lrf, voxel_downsample,
     };
     #[pymodule_export]
-    use super::grouping::{group, rigid_fit};
+    use super::grouping::{bound_rivals, group, group_motions, match_probabilities, rigid_fit};
     #[pymodule_export]
     use super::options::describe_methods;
     #[pymodule_export]

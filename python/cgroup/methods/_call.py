@@ -40,7 +40,17 @@ def compute(
     if max_memory is None:
         max_memory = max_memory_for(0 if fields.source is None else len(fields.source))
     run = run_options(threads, max_memory, progress, max_seconds)
-    found, rule, pairs = _core.group(method, fields, run, options)
+    return grouping_of(_core.group(method, fields, run, options), method, positions, resolution)
+
+
+def grouping_of(
+    parts: tuple[Any, Any, Any],
+    method: str,
+    positions: tuple[RealArray, RealArray] | None,
+    resolution: float | None,
+) -> Grouping:
+    """Return the grouping of the core's parts."""
+    found, rule, pairs = parts
     agreement = None if pairs is None else Agreement(**pairs)
     rule = Rule(method, agreement=agreement, resolution=resolution, **rule)
     return Grouping(**found, rule=rule, _positions=positions)

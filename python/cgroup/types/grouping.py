@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -16,11 +17,12 @@ from cgroup._checks.arrays import (
     RealArray,
 )
 from cgroup._checks.hooks import call_hook
+from cgroup._checks.values import run_options
 from cgroup._show.drawing import plot
 from cgroup._show.notebook import pose_html, result_table
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.explanation import Explanation
-from cgroup.types.fields import Correspondences
+from cgroup.types.fields import Correspondences, Fields
 from cgroup.types.point_cloud import AnyCloud
 
 _WITHOUT_POINTS = (
@@ -185,6 +187,14 @@ class Grouping:
         """
         return not self.diagnostics.get("truncated", 0.0)
 
+    @cached_property
+    def probabilities(self) -> FloatArray:
+        """Probability that each match is correct: (n,) array of float64; see `cgroup.match_probabilities`."""
+        if self._positions is None:
+            raise InputError(_WITHOUT_POINTS.format("probabilities"))
+        unit = None if self.rule is None else self.rule.resolution
+        return find_probabilities(Fields(*self._positions, resolution=unit), self)
+
     def transform(self) -> FloatArray:
         """Least-squares rigid transform of the group.
 
@@ -299,3 +309,9 @@ class Grouping:
     def __repr__(self) -> str:
         cut = "" if self.complete else ", search cut short"
         return f"Grouping({self.size} of {len(self.mask)} selected{cut})"
+
+
+def find_probabilities(fields: Fields, grouping: Grouping, threads: int | None = None) -> FloatArray:
+    """Return the probability of each match; without a resolution, that of the group is used."""
+    unit = fields.resolution or grouping.diagnostics.get("resolution")
+    return _core.match_probabilities(fields._replace(resolution=unit), grouping, run_options(threads, 0))
