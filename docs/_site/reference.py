@@ -32,6 +32,8 @@ def _methods(*, individual: bool, in_paper: bool) -> str:
 GROUPS: dict[str, dict[str, str]] = {
     "cgroup": {
         "One function for all methods": "group group_many",
+        "Groups of any method": "match_probabilities certify",
+        "Several motions": "group_motions",
         "What goes in, what comes out": "Correspondences Grouping Explanation",
         "Methods that judge matches one by one": _methods(individual=True, in_paper=True),
         "Methods that judge matches together": _methods(individual=False, in_paper=True),

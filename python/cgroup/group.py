@@ -114,18 +114,14 @@ def group_many(
 ) -> list[Grouping]:
     """Group many problems at once, one thread each, on all cores.
 
+    Further parameters as for `group`, the same for all problems.
+
     Parameters
     ----------
     problems : iterable of Correspondences
         The problems; each has the fields that the method is defined on.
-    method : str
-        Name of the method for all of them, one of `cgroup.METHODS`.
-    preset : str
-        As for `group`.
     threads : int, optional
         Number of problems grouped at a time; None for one per core. Results do not depend on it.
-    **options
-        As for `group`, the same for all problems.
 
     Returns
     -------
@@ -155,9 +151,8 @@ def match_probabilities(
 ) -> FloatArray:
     """Return the probability that each match is correct, for the group of any method.
 
-    Residuals under the group's pose are those of correct matches, with estimated Gaussian noise, or of wrong
-    ones, which end where targets are dense. The result is multiplied by the probability of the pose, which
-    follows from its number of false alarms and from `Grouping.alternatives`.
+    Residuals under the group's pose are those of correct matches, with estimated noise, or of wrong ones,
+    which end where targets are dense. False alarms and `Grouping.alternatives` limit the probability.
 
     Parameters
     ----------
@@ -166,7 +161,7 @@ def match_probabilities(
     grouping : Grouping
         Group of these matches. Without `Grouping.model` the pose is fitted to the mask.
     threads : int, optional
-        As for `group_many`.
+        As for `lc`.
 
     Returns
     -------
@@ -192,21 +187,17 @@ def match_probabilities(
 def group_motions(
     matches: Correspondences, *, tolerance: float | None = None, most: int = 20, threads: int | None = None
 ) -> list[Grouping]:
-    """Group the matches of several rigid motions: bodies that moved apart, or instances of one model.
+    """Group the matches of several motions: of bodies, or of instances of one model.
 
     `lc` groups the matches, then those that are left, until a group is not `Grouping.ok`. All motions are
-    then refined together, and each match goes to its most probable one.
+    then refined together, and each match goes to its most probable one. Further parameters as for `lc`.
 
     Parameters
     ----------
     matches : Correspondences
         Their points, ratio and resolution are used.
-    tolerance : float, optional
-        As for `lc`, in the data's unit.
     most : int
         Greatest number of groups.
-    threads : int, optional
-        As for `group_many`.
 
     Returns
     -------
@@ -242,10 +233,11 @@ def certify(
     tolerance: float | None = None,
     threads: int | None = None,
 ) -> Grouping:
-    """Bound the number of matches that any rival of the group's pose lays within a tolerance.
+    """Bound the number of matches that any rival of the group's pose can lay.
 
-    A rival lays at most half of the matches that the pose lays. Any pose that moves at least half of their
-    source points by more than twice the tolerance is a rival. Parameters are as for `match_probabilities`.
+    A rival lays at most half of the matches that the pose lays within a tolerance. Any pose that moves at
+    least half of their source points by more than twice the tolerance is a rival. Parameters are as for
+    `match_probabilities`.
 
     Parameters
     ----------

@@ -83,7 +83,14 @@ def _grouping() -> dict[str, dict[str, Any]]:
         for function, taken in (names | {"Correspondences": frames}).items()
     }
     group = {"correspondences": MATCHES, "method": "gc"}
-    return fields | {"group": group, "group_many": {"problems": [MATCHES], "method": "gc"}}
+    found = {"matches": MATCHES, "grouping": METHOD_INFO["gc"].function(**fields["gc"])}
+    return fields | {
+        "group": group,
+        "group_many": {"problems": [MATCHES], "method": "gc"},
+        "group_motions": {"matches": MATCHES},
+        "match_probabilities": found,
+        "certify": found,
+    }
 
 
 @cache

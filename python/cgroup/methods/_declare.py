@@ -54,16 +54,10 @@ class MethodInfo:
         Public name: the key of `METHODS`, of options and of records.
     function : callable
         The method.
-    label : str
-        Short name for figures and tables.
-    idea : str
-        How it groups, in a few words.
-    complexity : str
-        Cost in the number n of correspondences.
+    label, idea, complexity, citation : str
+        Short name for figures and tables, how it groups, cost in the number n of matches, and source.
     color, marker : str
         How figures draw it, in matplotlib's notation.
-    citation : str
-        Who proposed it, and where.
     in_paper : bool
         Whether the evaluation of Yang et al., TPAMI 2019, compares it.
     individual : bool
@@ -93,6 +87,7 @@ DESCRIBED = dict(_core.describe_methods())  # fields, optional fields and option
 DECLARED: dict[str, MethodInfo] = {}  # methods by their public names
 
 _POINTS = ("AnyCloud", "(n,3) array_like of float", "Matched points.")
+_NUMBERS = ("ArrayLike", "(n,) array_like of float")
 _FRAMES = (
     "ArrayLike",
     "(n,3,3) array_like of float",
@@ -101,16 +96,8 @@ _FRAMES = (
 _FIELDS = {
     "source": _POINTS,
     "target": _POINTS,
-    "similarity": (
-        "ArrayLike",
-        "(n,) array_like of float",
-        "Descriptor similarity ``1 - |f_norm - f'_norm|``, higher is better.",
-    ),
-    "ratio": (
-        "ArrayLike",
-        "(n,) array_like of float",
-        "Nearest / second-nearest descriptor distance, in [0,1], lower is better.",
-    ),
+    "similarity": (*_NUMBERS, "Descriptor similarity ``1 - |f_norm - f'_norm|``, higher is better."),
+    "ratio": (*_NUMBERS, "Nearest / second-nearest descriptor distance, in [0,1], lower is better."),
     "source_lrf": _FRAMES,
     "target_lrf": _FRAMES,
     "resolution": ("float", "float", "Mean nearest-neighbour distance of the clouds."),
@@ -133,18 +120,12 @@ _CONTROLS = {
     "max_memory": (
         "int | None",
         "int, optional",
-        (
-            "Bytes that pairwise matrices and graphs may take; by default a quarter of the memory that is "
-            "free, at most 1.5 GiB."
-        ),
+        "Bytes for pairwise matrices and graphs; by default a quarter of the free memory, at most 1.5 GiB.",
     ),
     "progress": (
         "Callable[[float], Any] | None",
         "callable, optional",
-        (
-            "Called now and then with the share of the work done, in [0,1]; an error that it raises ends the "
-            "work."
-        ),
+        "Called with the share of the work done, in [0,1]; an error that it raises ends the work.",
     ),
 }
 """How a run is controlled: annotation, type in words, and meaning."""
@@ -167,7 +148,7 @@ _KINDS = {
 def method(
     name: str,
     *,
-    in_paper: bool = False,
+    style: str,
     individual: bool = False,
     notes: Mapping[str, str] = MappingProxyType({}),
     **known: str,
@@ -175,8 +156,8 @@ def method(
     """Return a decorator that replaces a function without a body by that of a method.
 
     `notes` add to the meaning of a field (of both frames: "lrf"), of `max_memory` and of `max_seconds`; the
-    method takes the last two if there is a note. Others are the attributes of `MethodInfo`. The docstring
-    lacks Parameters.
+    method takes the last two if there is a note. `style` has the color and the marker, others are the
+    attributes of `MethodInfo`. The docstring lacks Parameters, and its Examples the imports.
     """
     fields, optional_fields, options = DESCRIBED[name]
     described = {each: MethodOption(*what) for each, what in options.items()}
@@ -194,11 +175,13 @@ def method(
 
         vars(function)["__signature__"] = signature
         function.__annotations__ = {each.name: each.annotation for each, _, _ in parameters}
-        function.__doc__ = _complete(written.__doc__ or "", parameters)
+        function.__doc__ = _complete(written, parameters)
         DECLARED[name] = MethodInfo(
             name=name,
             function=function,
-            in_paper=in_paper,
+            in_paper=written.__module__.endswith(".paper"),
+            color=style[:-2],
+            marker=style[-1],
             individual=individual,
             fields=tuple(fields),
             optional_fields=tuple(optional_fields),
@@ -257,9 +240,13 @@ def _in_docstring(markdown: str) -> str:
     return _CODE.sub(lambda code: code[0] if _NAME.fullmatch(code[1]) else f"`{code[0]}`", markdown)
 
 
-def _complete(docstring: str, parameters: list[_Described]) -> str:
-    """Return a docstring with its Parameters."""
-    head, returns, *rest = re.split(r"(?m)^(?=(?:Returns|Examples)\n-)", cleandoc(docstring))
+def _complete(written: Callable[[], None], parameters: list[_Described]) -> str:
+    """Return the docstring of a method with its Parameters, and the imports of its Examples."""
+    start = f"Examples\n--------\n>>> import numpy as np\n>>> from cgroup import {written.__name__}\n"
+    text = cleandoc(written.__doc__ or "").replace("Examples\n--------\n", start)
+    if "make_problem(" in text:
+        text = text.replace(start, f"{start}>>> from cgroup.datasets import make_problem\n")
+    head, returns, *rest = re.split(r"(?m)^(?=(?:Returns|Examples)\n-)", text)
     entries = [
         f"{', '.join(each.name for each, _, _ in alike)} : {words}\n{_indented(meaning)}\n"
         for (words, meaning), alike in groupby(parameters, key=lambda entry: entry[1:])

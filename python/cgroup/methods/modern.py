@@ -12,8 +12,7 @@ _REFUSED = "A larger graph is refused."
     label="LC",
     idea="pose that beats chance",
     complexity="n²",
-    color="#000000",
-    marker="h",
+    style="#000000 h",
     citation="this library",
     notes={
         "ratio": "Without it, all matches are equally likely beforehand.",
@@ -50,9 +49,6 @@ def lc() -> None:
 
     Examples
     --------
-    >>> import numpy as np
-    >>> from cgroup import lc
-    >>> from cgroup.datasets import make_problem
     >>> problem = make_problem(np.random.default_rng(0), 500, inlier_ratio=0.05)
     >>> result = lc(problem.source, problem.target)
     >>> bool((result.mask == problem.inlier_mask).all())
@@ -67,8 +63,7 @@ def lc() -> None:
     label="MAC",
     idea="every maximal clique",
     complexity="n² + cliques",
-    color="#0077BB",
-    marker="8",
+    style="#0077BB 8",
     citation="Zhang et al., CVPR 2023",
     notes={
         "max_seconds": "End the search for cliques after this time, with the cliques found by then. Only "
@@ -101,12 +96,8 @@ def mac() -> None:
 
     Examples
     --------
-    >>> import numpy as np
-    >>> from cgroup import mac
-    >>> from cgroup.datasets import make_problem
     >>> problem = make_problem(np.random.default_rng(0), 500, inlier_ratio=0.05)
-    >>> matches = problem.source, problem.target
-    >>> result = mac(*matches, resolution=problem.resolution)
+    >>> result = mac(problem.source, problem.target, resolution=problem.resolution)
     >>> bool((result.mask == problem.inlier_mask).all())
     True
     """
@@ -117,8 +108,7 @@ def mac() -> None:
     label="SC2-PCR",
     idea="sets with common others",
     complexity="n²",
-    color="#E69F00",
-    marker=">",
+    style="#E69F00 >",
     citation="Chen et al., CVPR 2022",
     notes={
         "candidates": "Such as those of its 100 nearest descriptors (`cgroup.features.match`, k=100). The "
@@ -153,12 +143,8 @@ def sc2pcr() -> None:
 
     Examples
     --------
-    >>> import numpy as np
-    >>> from cgroup import sc2pcr
-    >>> from cgroup.datasets import make_problem
     >>> problem = make_problem(np.random.default_rng(0), 500, inlier_ratio=0.1)
-    >>> matches = problem.source, problem.target
-    >>> result = sc2pcr(*matches, resolution=problem.resolution)
+    >>> result = sc2pcr(problem.source, problem.target, resolution=problem.resolution)
     >>> bool((result.mask == problem.inlier_mask).all())
     True
     """
@@ -169,8 +155,7 @@ def sc2pcr() -> None:
     label="TurboReg",
     idea="triangles on heavy pairs",
     complexity="n²",
-    color="#56B4E9",
-    marker="p",
+    style="#56B4E9 p",
     citation="Yan et al., ICCV 2025",
     notes={
         "max_memory": "Where the graph of compatible pairs (n^2 / 8 bytes) is larger, only the "
@@ -197,12 +182,8 @@ def turboreg() -> None:
 
     Examples
     --------
-    >>> import numpy as np
-    >>> from cgroup import turboreg
-    >>> from cgroup.datasets import make_problem
     >>> problem = make_problem(np.random.default_rng(0), 500, inlier_ratio=0.05)
-    >>> matches = problem.source, problem.target
-    >>> result = turboreg(*matches, resolution=problem.resolution)
+    >>> result = turboreg(problem.source, problem.target, resolution=problem.resolution)
     >>> bool((result.mask == problem.inlier_mask).all())
     True
     """
@@ -213,8 +194,7 @@ def turboreg() -> None:
     label="TEASER++",
     idea="clique, truncated fit",
     complexity="n² + search",
-    color="#E8601C",
-    marker="H",
+    style="#E8601C H",
     citation="Yang, Shi, Carlone, T-RO 2021",
     notes={"max_memory": _REFUSED},
 )
@@ -241,8 +221,6 @@ def teaser() -> None:
 
     Examples
     --------
-    >>> import numpy as np
-    >>> from cgroup import teaser
     >>> rng = np.random.default_rng(0)
     >>> source = rng.uniform(0, 100, size=(500, 3))
     >>> target = source[:, [1, 2, 0]] + 5.0
@@ -258,8 +236,7 @@ def teaser() -> None:
     label="CLIPPER",
     idea="densest agreeing set",
     complexity="n² + agreeing pairs per step",
-    color="#4EB265",
-    marker="d",
+    style="#4EB265 d",
     citation="Lusk, Fathian, How, ICRA 2021",
     notes={"max_memory": f"{_REFUSED} Affinities that don't fit are recomputed in each step."},
 )
@@ -285,8 +262,6 @@ def clipper() -> None:
 
     Examples
     --------
-    >>> import numpy as np
-    >>> from cgroup import clipper
     >>> rng = np.random.default_rng(0)
     >>> source = rng.uniform(0, 100, size=(500, 3))
     >>> target = source[:, [1, 2, 0]] + 5.0

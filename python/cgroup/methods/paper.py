@@ -12,10 +12,8 @@ _RECOMPUTED = "A larger matrix is recomputed row by row, with the same result."
     label="SS",
     idea="alike descriptors",
     complexity="n",
-    color="#DDCC77",
-    marker="o",
+    style="#DDCC77 o",
     citation="Yang et al., TPAMI 2019",
-    in_paper=True,
     individual=True,
     notes={"similarity": "-inf is never selected."},
 )
@@ -32,7 +30,6 @@ def ss() -> None:
 
     Examples
     --------
-    >>> from cgroup import ss
     >>> group = ss([0.95, 0.2, 0.9, 0.25, 0.88])
     >>> group.mask
     array([ True, False,  True, False,  True])
@@ -46,10 +43,8 @@ def ss() -> None:
     label="NNSR",
     idea="distinct descriptors",
     complexity="n",
-    color="#999933",
-    marker="s",
+    style="#999933 s",
     citation="Lowe, IJCV 2004",
-    in_paper=True,
     individual=True,
 )
 def nnsr() -> None:
@@ -66,7 +61,6 @@ def nnsr() -> None:
 
     Examples
     --------
-    >>> from cgroup import nnsr
     >>> nnsr([0.3, 0.95, 0.7]).mask
     array([ True, False,  True])
     >>> nnsr([0.3, 0.95, 0.7], max_ratio=0.5).mask
@@ -79,10 +73,8 @@ def nnsr() -> None:
     label="SI",
     idea="votes under its own pose",
     complexity="n log n + n k",
-    color="#88CCEE",
-    marker="^",
+    style="#88CCEE ^",
     citation="Buch et al., CVPR 2014",
-    in_paper=True,
     individual=True,
 )
 def si() -> None:
@@ -98,14 +90,10 @@ def si() -> None:
 
     Examples
     --------
-    >>> import numpy as np
-    >>> from cgroup import si
-    >>> from cgroup.datasets import make_problem
     >>> problem = make_problem(np.random.default_rng(0), 500, inlier_ratio=0.3)
     >>> fields = ("source", "target", "ratio", "source_lrf", "target_lrf", "resolution")
     >>> group = si(**{name: getattr(problem, name) for name in fields})
-    >>> precision = problem.inlier_mask[group.mask].mean()
-    >>> bool(precision > 0.9)  # 30 % of all matches are right
+    >>> bool(problem.inlier_mask[group.mask].mean() > 0.9)  # 30 % of all are right
     True
     """
 
@@ -115,10 +103,8 @@ def si() -> None:
     label="CV",
     idea="votes by distance, frame",
     complexity="n k",
-    color="#44AA99",
-    marker="v",
+    style="#44AA99 v",
     citation="Yang et al., 2019",
-    in_paper=True,
     individual=True,
 )
 def cv() -> None:
@@ -134,14 +120,10 @@ def cv() -> None:
 
     Examples
     --------
-    >>> import numpy as np
-    >>> from cgroup import cv
-    >>> from cgroup.datasets import make_problem
     >>> problem = make_problem(np.random.default_rng(0), 500, inlier_ratio=0.3)
     >>> fields = ("source", "target", "ratio", "source_lrf", "target_lrf", "resolution")
     >>> group = cv(**{name: getattr(problem, name) for name in fields})
-    >>> precision = problem.inlier_mask[group.mask].mean()
-    >>> bool(precision > 0.9)  # 30 % of all matches are right
+    >>> bool(problem.inlier_mask[group.mask].mean() > 0.9)  # 30 % of all are right
     True
     """
 
@@ -151,10 +133,8 @@ def cv() -> None:
     label="RANSAC",
     idea="best of random triples",
     complexity="n iterations",
-    color="#117733",
-    marker="D",
+    style="#117733 D",
     citation="Fischler, Bolles, CACM 1981",
-    in_paper=True,
 )
 def ransac() -> None:
     """Random sample consensus (RANSAC): the sampled motion with the most inliers.
@@ -170,8 +150,6 @@ def ransac() -> None:
 
     Examples
     --------
-    >>> import numpy as np
-    >>> from cgroup import ransac
     >>> rng = np.random.default_rng(0)
     >>> source = rng.uniform(0, 100, size=(500, 3))
     >>> target = source[:, [1, 2, 0]] + 5.0
@@ -187,10 +165,8 @@ def ransac() -> None:
     label="ST",
     idea="principal eigenvector",
     complexity="n² per power step",
-    color="#AA4499",
-    marker="P",
+    style="#AA4499 P",
     citation="Leordeanu, Hebert, ICCV 2005",
-    in_paper=True,
     notes={"similarity": 'Needed for ``diagonal="score"``.', "max_memory": _RECOMPUTED},
 )
 def st() -> None:
@@ -207,13 +183,9 @@ def st() -> None:
 
     Examples
     --------
-    >>> import numpy as np
-    >>> from cgroup import st
-    >>> from cgroup.datasets import make_problem
     >>> problem = make_problem(np.random.default_rng(0), 500, inlier_ratio=0.3)
     >>> group = st(problem.source, problem.target)
-    >>> precision = problem.inlier_mask[group.mask].mean()
-    >>> bool(precision > 0.8)  # 30 % of all matches are right
+    >>> bool(problem.inlier_mask[group.mask].mean() > 0.8)  # 30 % of all are right
     True
     """
 
@@ -223,10 +195,8 @@ def st() -> None:
     label="GC",
     idea="largest star of a seed",
     complexity="n²",
-    color="#882255",
-    marker="X",
+    style="#882255 X",
     citation="Chen, Bhanu, PRL 2007",
-    in_paper=True,
     notes={
         "similarity": "For the order of the clique variant.",
         "max_memory": "For the clique variant, whose consistent pairs take n^2 / 8 bytes; beyond the limit "
@@ -247,8 +217,6 @@ def gc() -> None:
 
     Examples
     --------
-    >>> import numpy as np
-    >>> from cgroup import gc
     >>> rng = np.random.default_rng(0)
     >>> source = rng.uniform(0, 100, size=(500, 3))
     >>> target = source[:, [1, 2, 0]] + 5.0
@@ -264,10 +232,8 @@ def gc() -> None:
     label="3DHV",
     idea="votes for the centre",
     complexity="n log n",
-    color="#CC6677",
-    marker="<",
+    style="#CC6677 <",
     citation="Tombari, Di Stefano, PSIVT 2010",
-    in_paper=True,
     notes={
         "similarity": "Needed for `distance_weight`.",
         "source_centroid": "Without it, the mean of `source` is used, and `diagnostics` has "
@@ -288,14 +254,10 @@ def hough3d() -> None:
 
     Examples
     --------
-    >>> import numpy as np
-    >>> from cgroup import hough3d
-    >>> from cgroup.datasets import make_problem
     >>> problem = make_problem(np.random.default_rng(0), 500, inlier_ratio=0.3)
     >>> frames = {"source_lrf": problem.source_lrf, "target_lrf": problem.target_lrf}
     >>> group = hough3d(problem.source, problem.target, **frames)
-    >>> precision = problem.inlier_mask[group.mask].mean()
-    >>> bool(precision > 0.9)  # 30 % of all matches are right
+    >>> bool(problem.inlier_mask[group.mask].mean() > 0.9)  # 30 % of all are right
     True
     """
 
@@ -305,10 +267,8 @@ def hough3d() -> None:
     label="GTM",
     idea="survivors of a game",
     complexity="n² per step",
-    color="#332288",
-    marker="*",
+    style="#332288 *",
     citation="Rodola et al., IJCV 2013",
-    in_paper=True,
     notes={"resolution": "For the second payoff.", "max_memory": _RECOMPUTED},
 )
 def gtm() -> None:
@@ -324,13 +284,9 @@ def gtm() -> None:
 
     Examples
     --------
-    >>> import numpy as np
-    >>> from cgroup import gtm
-    >>> from cgroup.datasets import make_problem
     >>> problem = make_problem(np.random.default_rng(0), 500, inlier_ratio=0.3)
     >>> group = gtm(problem.source, problem.target)
-    >>> precision = problem.inlier_mask[group.mask].mean()
-    >>> bool(precision > 0.9)  # 30 % of all matches are right
+    >>> bool(problem.inlier_mask[group.mask].mean() > 0.9)  # 30 % of all are right
     True
     >>> longer = gtm(problem.source, problem.target, iterations=500)
     >>> longer.size < group.size

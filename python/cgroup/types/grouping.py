@@ -189,7 +189,7 @@ class Grouping:
 
     @cached_property
     def probabilities(self) -> FloatArray:
-        """Probability that each match is correct: (n,) array of float64; see `cgroup.match_probabilities`."""
+        """Probability that each match is correct, (n,): `cgroup.match_probabilities`."""
         if self._positions is None:
             raise InputError(_WITHOUT_POINTS.format("probabilities"))
         unit = None if self.rule is None else self.rule.resolution

@@ -6,8 +6,9 @@
 //! 2. All motions are refined together by ten iterations of the [mixture](crate::consensus::mixture): shares,
 //!    noise and poses.
 //! 3. Each match goes to the motion of the greatest probability, if it is within 5 u of its place under it.
-//! 4. A motion that has lost more than half of its members, and whose rest is not significant among the matches
-//!    of no other motion, is dropped; steps 2 and 3 are repeated.
+//! 4. A motion is dropped that moves its members like an earlier one, as in step 1, or that has lost more than
+//!    half of its members if its rest is not significant among the matches of no other motion. Steps 2 and 3
+//!    are repeated without it.
 
 use super::GroupingMethod;
 use super::likelihood_consensus::LikelihoodConsensus;
@@ -146,7 +147,7 @@ impl Matches<'_> {
         Ok(owners)
     }
 
-    /// The last motion that has lost its members.
+    /// The last motion that equals an earlier one, or has lost its members.
     fn weakest(
         &self,
         found: &[Found],
@@ -154,13 +155,18 @@ impl Matches<'_> {
         owners: &[Option<usize>],
     ) -> Result<Option<usize>> {
         for k in (0..found.len()).rev() {
-            let size = owners.iter().filter(|&&owner| owner == Some(k)).count();
-            if 2 * size >= found[k].rows.len() {
+            let pose = &motions[k].pose;
+            let rows = memory::collect((0..owners.len()).filter(|&i| owners[i] == Some(k)))?;
+            let is_same = |other: &Motion| self.displacement(pose, &other.pose, &rows) < SAME * self.unit;
+            if motions[..k].iter().any(is_same) {
+                return Ok(Some(k));
+            }
+            if 2 * rows.len() >= found[k].rows.len() {
                 continue;
             }
             let taken = memory::collect(owners.iter().map(|&owner| owner.is_some_and(|owner| owner != k)))?;
-            let value = self.ln_false_alarms(&motions[k].pose, CHANCE * self.unit, &taken)?;
-            if size == 0 || value >= MOST_FALSE_ALARMS.ln() {
+            let value = self.ln_false_alarms(pose, CHANCE * self.unit, &taken)?;
+            if rows.is_empty() || value >= MOST_FALSE_ALARMS.ln() {
                 return Ok(Some(k));
             }
         }
