@@ -38,6 +38,8 @@ MAX_ROTATION = 5.0
 MAX_DISPLACEMENT = 5.0
 """Default largest mean displacement of the matched points of a registered pair, in resolutions."""
 
+_SCORES = ("matches", "correct", "selected", "selected_correct", "precision", "recall", "f_score")
+
 
 @dataclass(frozen=True, eq=False)
 class MethodResult:
@@ -207,13 +209,7 @@ def table(results: Iterable[MethodResult]) -> list[dict[str, str | int | float |
     return [
         {
             "method": result.method,
-            "matches": result.score.matches,
-            "correct": result.score.correct,
-            "selected": result.score.selected,
-            "selected_correct": result.score.selected_correct,
-            "precision": result.score.precision,
-            "recall": result.score.recall,
-            "f_score": result.score.f_score,
+            **{name: getattr(result.score, name) for name in _SCORES},
             "precision_above_0.1": result.score.registered,
             "registered": result.registered,
             "rotation_error_deg": result.rotation_error,
@@ -226,14 +222,12 @@ def table(results: Iterable[MethodResult]) -> list[dict[str, str | int | float |
 
 
 def write_table(path: str | os.PathLike[str], results: Iterable[MethodResult]) -> None:
-    """Write the results as CSV with one header line.
+    """Write the results as CSV with one header line; they are as for `table`.
 
     Parameters
     ----------
     path : path-like
         File to write.
-    results : iterable of MethodResult
-        One row each, at least one.
     """
     rows = table(results)
     if not rows:

@@ -95,7 +95,9 @@ def group(
     if isinstance(options.get("tolerance"), str) and options["tolerance"] == _AUTO:
         options.pop("tolerance")
         if info.name != "lc":
-            correspondences = _with_estimated_resolution(correspondences, options.get("threads"))
+            bare = replace(correspondences, resolution=None)
+            found = group(bare, "lc", threads=options.get("threads"))
+            correspondences = replace(bare, resolution=found.diagnostics["resolution"])
     fields = _fields_for(info, correspondences)
     chosen = {**defaults, **PRESETS[preset].get(info.name, {}), **options}
     positions = (correspondences.source, correspondences.target)
@@ -174,9 +176,8 @@ def match_probabilities(
     >>> from cgroup import Correspondences, gc, match_probabilities
     >>> source = np.random.default_rng(0).uniform(0, 100, (50, 3))
     >>> target = np.vstack([source[:40] + 5, source[:10]])
-    >>> match_probabilities(
-    ...     Correspondences(source, target), gc(source, target, resolution=1)
-    ... )[38:42].round(2)
+    >>> found = gc(source, target, resolution=1)
+    >>> match_probabilities(Correspondences(source, target), found)[38:42].round(2)
     array([1., 1., 0., 0.])
     """
     return find_probabilities(_points_of(matches), as_instance("grouping", grouping, Grouping), threads)
@@ -211,10 +212,8 @@ def group_motions(
     >>> from cgroup import Correspondences, group_motions
     >>> source = np.random.default_rng(0).uniform(0, 100, (300, 3))
     >>> target = source + np.repeat([[0, 0, 50], [0, 9, 0], [30, 0, 0]], 100, axis=0)
-    >>> [
-    ...     found.size
-    ...     for found in group_motions(Correspondences(source, target, resolution=1))
-    ... ]
+    >>> found = group_motions(Correspondences(source, target, resolution=1))
+    >>> [one.size for one in found]
     [100, 100, 100]
     """
     fields, limit = _points_of(matches), as_count("most", most, 1)
@@ -261,9 +260,8 @@ def certify(
     >>> from cgroup import Correspondences, certify, lc
     >>> source = np.random.default_rng(0).uniform(0, 100, (50, 3))
     >>> matches = Correspondences(source, np.vstack([source[:40] + 5, source[:10]]))
-    >>> certify(matches, lc(source, matches.target, resolution=1)).diagnostics[
-    ...     "optimal"
-    ... ]
+    >>> found = lc(source, matches.target, resolution=1)
+    >>> certify(matches, found).diagnostics["optimal"]
     1.0
     """
     fields, start = _points_of(matches), perf_counter()
@@ -274,20 +272,14 @@ def certify(
     model = grouping.transform() if grouping.model is None else grouping.model
     run = run_options(threads, max_memory_for(len(matches)))
     laid, bound = _core.bound_rivals(fields, model, as_length("tolerance", tolerance), run)
-    facts = {"bound": bound, "laid": laid, "optimal": float(bound < laid)}
-    seconds = {"bound_seconds": perf_counter() - start}
-    return replace(grouping, diagnostics={**grouping.diagnostics, **facts, **seconds})
+    seconds = perf_counter() - start
+    facts = {"bound": bound, "laid": laid, "optimal": float(bound < laid), "bound_seconds": seconds}
+    return replace(grouping, diagnostics={**grouping.diagnostics, **facts})
 
 
 def _points_of(matches: Correspondences) -> Fields:
     as_instance("matches", matches, Correspondences)
     return Fields(matches.source, matches.target, ratio=matches.ratio, resolution=matches.resolution)
-
-
-def _with_estimated_resolution(correspondences: Correspondences, threads: int | None) -> Correspondences:
-    """Return the correspondences with a resolution estimated by likelihood consensus."""
-    unknown = replace(correspondences, resolution=None)
-    return replace(unknown, resolution=group(unknown, "lc", threads=threads).diagnostics["resolution"])
 
 
 def check_method(

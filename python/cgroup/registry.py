@@ -68,10 +68,7 @@ def find_method(name: object, otherwise: str = "") -> MethodInfo:
 def label_of(method: str) -> str:
     """Return the short name of a method, for tables and messages.
 
-    Parameters
-    ----------
-    method : str
-        Any of its names.
+    The method is named as for `group`.
 
     Returns
     -------

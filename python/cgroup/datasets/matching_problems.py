@@ -15,6 +15,7 @@ from cgroup.errors import InputError
 from cgroup.rigid import apply
 from cgroup.rigid.transforms import turn
 from cgroup.types import BoolArray, Correspondences, FloatArray
+from cgroup.types.fields import FIELDS
 
 CORRECT_WITHIN = 5.0  # pr. A match is correct where the true pose leaves no greater distance
 _AXES = np.array([1.0, 0.7, 0.5])  # of the ellipsoid, in units of the longest
@@ -72,16 +73,7 @@ class MatchingProblem:
         Correspondences
             With every field but candidates.
         """
-        return Correspondences(
-            self.source,
-            self.target,
-            similarity=self.similarity,
-            ratio=self.ratio,
-            source_lrf=self.source_lrf,
-            target_lrf=self.target_lrf,
-            resolution=self.resolution,
-            source_centroid=self.source_centroid,
-        )
+        return Correspondences(**{name: getattr(self, name) for name in FIELDS if hasattr(self, name)})
 
     def subset(self, rows: NDArray[np.intp]) -> MatchingProblem:
         """Return the problem with some of its matches.

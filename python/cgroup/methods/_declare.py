@@ -24,9 +24,8 @@ class MethodOption(NamedTuple):
     Attributes
     ----------
     kind : str
-        "flag"; "seed", "count" or "rounds" (whole numbers); "length" (in the unit of the data), "number";
-        "choice" (of a few words or numbers); "cut" (a number, or "otsu"); or "scale" (a truth value, or two
-        bounds).
+        "flag"; "seed", "count" or "rounds" (whole numbers); "length" (data's unit), "number"; "choice";
+        "cut" (a number, or "otsu"); or "scale" (a truth value, or two bounds).
     optional : bool
         Whether it may be None.
     default : bool, int, float, str or None
@@ -112,11 +111,7 @@ _FIELDS = {
 
 _CONTROLS = {
     "max_seconds": ("float | None", "float, optional", ""),
-    "threads": (
-        "int | None",
-        "int, optional",
-        "Number of threads, None for all cores. The result does not depend on it.",
-    ),
+    "threads": ("int | None", "int, optional", "Number of threads, None for all. It changes no result."),
     "max_memory": (
         "int | None",
         "int, optional",
@@ -130,6 +125,7 @@ _CONTROLS = {
 }
 """How a run is controlled: annotation, type in words, and meaning."""
 
+_MATCHES = "matches = problem.source, problem.target"
 _CODE, _NAME = re.compile(r"`([^`]+)`"), re.compile(r"[\w.]+")
 
 _KINDS = {
@@ -157,7 +153,8 @@ def method(
 
     `notes` add to the meaning of a field (of both frames: "lrf"), of `max_memory` and of `max_seconds`; the
     method takes the last two if there is a note. `style` has the color and the marker, others are the
-    attributes of `MethodInfo`. The docstring lacks Parameters, and its Examples the imports.
+    attributes of `MethodInfo`. The docstring lacks Parameters, and its Examples the imports and
+    the problem.
     """
     fields, optional_fields, options = DESCRIBED[name]
     described = {each: MethodOption(*what) for each, what in options.items()}
@@ -169,17 +166,19 @@ def method(
     signature = Signature([each for each, _, _ in parameters], return_annotation="Grouping")
 
     def make(written: Callable[[], None]) -> Callable[..., Grouping]:
+        in_paper = written.__module__.endswith(".paper")
+
         @wraps(written)
         def function(*given: Any, **named: Any) -> Grouping:  # noqa: ANN401 - as the core describes them
             return call(name, bind_arguments(function, signature, given, named))
 
         vars(function)["__signature__"] = signature
         function.__annotations__ = {each.name: each.annotation for each, _, _ in parameters}
-        function.__doc__ = _complete(written, parameters)
+        function.__doc__ = _complete(written, parameters, in_paper)
         DECLARED[name] = MethodInfo(
             name=name,
             function=function,
-            in_paper=written.__module__.endswith(".paper"),
+            in_paper=in_paper,
             color=style[:-2],
             marker=style[-1],
             individual=individual,
@@ -240,12 +239,14 @@ def _in_docstring(markdown: str) -> str:
     return _CODE.sub(lambda code: code[0] if _NAME.fullmatch(code[1]) else f"`{code[0]}`", markdown)
 
 
-def _complete(written: Callable[[], None], parameters: list[_Described]) -> str:
-    """Return the docstring of a method with its Parameters, and the imports of its Examples."""
+def _complete(written: Callable[[], None], parameters: list[_Described], in_paper: bool) -> str:  # noqa: FBT001
+    """Return the docstring of a method with its Parameters, and the start of its Examples."""
     start = f"Examples\n--------\n>>> import numpy as np\n>>> from cgroup import {written.__name__}\n"
     text = cleandoc(written.__doc__ or "").replace("Examples\n--------\n", start)
-    if "make_problem(" in text:
-        text = text.replace(start, f"{start}>>> from cgroup.datasets import make_problem\n")
+    if "problem" in text:
+        drawn = f"make_problem(np.random.default_rng(0), 500, inlier_ratio={0.3 if in_paper else 0.05})"
+        lines = "from cgroup.datasets import make_problem", f"problem = {drawn}", _MATCHES
+        text = text.replace(start, start + "".join(f">>> {line}\n" for line in lines))
     head, returns, *rest = re.split(r"(?m)^(?=(?:Returns|Examples)\n-)", text)
     entries = [
         f"{', '.join(each.name for each, _, _ in alike)} : {words}\n{_indented(meaning)}\n"
