@@ -89,11 +89,18 @@ def by_keypoints(kind: str, dataset: Dataset, names: list[str]) -> Iterator[Prob
         yield kind, correspond(pair.source, pair.target, normals=pair.normals, **views), pair.T_target_source
 
 
+def overlap_of(entry: list | dict) -> tuple[int, int, float]:
+    """Return two scans and their overlap; 1 where it is not listed."""
+    if isinstance(entry, dict):
+        return entry["i"], entry["j"], entry.get("overlap", 1.0)
+    return int(entry[0]), int(entry[1]), entry[2]
+
+
 def of_scans(folder: Path, count: int) -> Iterator[Problem]:
     """Yield matches of pairs of a set of scans."""
     known = json.loads((folder / "set.json").read_text(encoding="utf-8"))
     scans = known["scans"]
-    pairs = [pair for pair in known["overlaps"] if pair[2] >= LEAST_OVERLAP]
+    pairs = [pair for pair in map(overlap_of, known["overlaps"]) if pair[2] >= LEAST_OVERLAP]
     for i, j, *_ in some(pairs, count):
         source, target = (read_cloud(folder / scans[k]["file"]) for k in (i, j))
         pose = invert(np.array(scans[j]["world_from_scan"])) @ np.array(scans[i]["world_from_scan"])
