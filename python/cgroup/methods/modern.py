@@ -39,13 +39,13 @@ def lc() -> None:
     -------
     Grouping
         The correspondences with a residual of at most ``5/3 * tolerance`` under `Grouping.model`, the best
-        pose. Its scores are probabilities to be right, given that pose; `Grouping.alternatives` has the other
-        poses too. `Grouping.false_alarms` is infinite if a mirror image fits as well. The diagnostics have
+        pose; without a tolerance, of at most a radius that follows from the residuals. Its scores are
+        probabilities to be right, given that pose; `Grouping.alternatives` has the other poses too.
+        `Grouping.false_alarms` is infinite if a mirror image fits as well. The diagnostics have
         ``dimensions``, whether the group's points span a body (3), a plane (2) or a line (1), and
-        ``resolution``, a third of the tolerance that was used. Without a pose that three correspondences
-        support, the group is empty. With a scale s, the model and the alternatives are similarities, ``s R``
-        in their upper left, all of the same s, which is ``scale`` in the diagnostics; `Grouping.transform`
-        remains a rigid motion, without the scale.
+        ``resolution``, a fifth of the radius. Without a pose that three correspondences support, the group is
+        empty. With a scale s, the model and the alternatives are similarities, ``s R`` in their upper left,
+        all of the same s, ``scale`` in the diagnostics; `Grouping.transform` remains a rigid motion.
 
     Examples
     --------

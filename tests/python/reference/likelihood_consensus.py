@@ -46,16 +46,22 @@ greatest of: targets of other matches within r of a source point (the mean numbe
 the two greatest standard deviations s of the supporters' source points, and n times the squared share of distances in the source that differ by at most r from
 one in the target of another pair, two such aside (of 64 points, rows floor(k n / 64)).
 
-Without a tolerance: all of this with u = 1 pr, and until the number of false alarms times the 5 tolerances there are is below 0.01, with u
-twice as large, half, 4 times, a quarter, frames aside. One of these that is below 0.01 makes what 1 pr found as sure as it is itself, if its best pose lays
-the points within 6 u (the greater one; root mean square) of where that one's does; it takes its place, with frames, where 1 pr finds no pose, or 6
-times the noise under that is no more than sigma. Others say nothing. Without a resolution u = 0.8 / 3 of the lesser of both sides' mean distance of
-nearest points (those that coincide aside), up to 16 times and a sixteenth, and the fewest false alarms win. False alarms count 5 or 9 times.
+Without a tolerance: all of this with u = 1 pr, by position alone. False alarms count 5 times, without a resolution 9 times. Unless
+their number is below 1e-4 (or below 0.01 by frames), the same with u twice as large, half, 4 times, a quarter. The 8 best modes of each of these 5
+are compared by the mean of their scores with the four least u; the modes of the u that has the best one are reordered by it. Another u with less than 0.01 false alarms
+whose best pose lays the points within 6 u (the greater one; root mean square) of where the best does makes it as sure as it is itself, if that is surer. Without a resolution
+u = 0.8 / 3 of the lesser of both sides' mean distance of nearest points (those that coincide aside), and while the number is not below 0.01, 8 and 16 times that and 1/8 and 1/16
+follow; the fewest false alarms win. Then frames count.
 Under the best pose, of radii 5 u 2^(k/2), k = -8 .. 8, from k = 0 on the one with the least number of false alarms is sought that
 is no greater than that of the 2 next ones on both sides. For each, the pose is refined by 5 rounds, deviation from 1.6 times
-0.54 radii down to that; supporters are those within the radius, apart 7/5 radii, k' the share of k that it is of those looked at. That deviation is the noise, and where the false alarms are
-below 0.01, that pose the best. There, too, noise of more than 1.5 sigma has the poses of all modes judged again, as hypotheses in place of
-the cliques', with u = noise / 2.7 and the frames' stars and mirrored cliques of before; that counts if it has less than 0.01 false alarms.
+0.54 radii down to that; supporters are those within the radius, apart 7/5 radii, k' the share of k that it is of those looked at. That deviation is the noise.
+
+The radius of the group: of the residuals below W = 3.4 sigma the right ones have density r / sigma^2 exp(-r^2 / (2 sigma^2)), the others 2 r / W^2. 12 rounds of
+expectation maximization from the share 1/2 (in each, sigma is estimated and the share is (m + 1) / (n + 2), m the sum of the weights, n the number below W) give sigma' and m; the next sigma is the geometric
+mean of sigma' with weight m and sigma_0 with weight 30, at most 1.3 times the last or its inverse; 12 times. sigma_0 is 0.8 of the mean distance of nearest points above (of at most 1,000 points); sigma
+starts there, or where W holds 6 residuals, and stays within a factor of 3 of it. The radius R = 2 sigma yields to 5 pr if it is between 0.4 and 2 times that, else
+to the geometric mean of both, at least the noise / 0.54 where R is greater; R alone where it is less than a quarter. From then on u = R / 5, with the levels of before. The best pose is that of the noise where this is below 2.7 u and the false alarms are below 0.01,
+else it is refined from what it was by 6 rounds of 2.7 u.
 
 Unknown scale: all of this with the source times s. With size the median distance of a side from its median along each axis
 (of an even number the upper one) and rho = size_q / size_p, s lies between max(low, rho / 3) and min(high, 3 rho). With each tolerance 3 u
@@ -117,6 +123,8 @@ TIE = 1e-12
 EQUAL_ALARMS = 1e-9
 REFLECTIONS = 10
 MOST_ALARMS = 0.01
+CLEAR_ALARMS = 1e-4
+COMPARED, CANDIDATE_MODES = 5, 8
 RADII = 11
 SCALE_VERTICES, SCALE_EDGES, SCALE_ROUNDS, SCALES = 1000, 20, 8, 3
 NOISE_ROUNDS = 2
@@ -218,7 +226,8 @@ def lc(
         found = count_frames(found, turns, modes)
     noise = None
     if tolerance is None and found.ranked:
-        found, noise = suited(found, rows, turns, modes, tried)
+        likely = likely_tolerance(factor * p_raw, q_raw, SAMPLES)
+        found, noise = adapted(found, resolution, likely, tried)
     false_alarms = found.expected * tried
     to_data = np.diag([factor, factor, factor, 1.0])
     model, counted, ranked = found.model, found.counted, found.ranked
@@ -248,16 +257,21 @@ def tolerances(p: FloatArray, q: FloatArray, resolution: float | None) -> list[f
     if resolution is not None:
         first, reach = 3.0 * resolution, 2
     else:
-        first, reach = 0.8 * min(spacing(p), spacing(q)), 4
-        first = first if np.isfinite(first) else 1.0
+        first, reach = likely_tolerance(p, q), 4
     return [first * 2.0**k for k in sorted(range(-reach, reach + 1), key=lambda k: (abs(k), -k))]
 
 
-def spacing(points: FloatArray) -> float:
-    """Mean distance of the points from their nearest other one, of those that have one elsewhere."""
+def likely_tolerance(p: FloatArray, q: FloatArray, most: int | None = None) -> float:
+    length = 0.8 * min(spacing(p, most), spacing(q, most))
+    return length if np.isfinite(length) else 1.0
+
+
+def spacing(points: FloatArray, most: int | None = None) -> float:
+    """Mean distance of points (at most some) from their nearest other one, of those that have one elsewhere."""
     lengths = edge_lengths(points)
     np.fill_diagonal(lengths, np.inf)
-    nearest = lengths.min(axis=1, initial=np.inf)
+    count = min(len(points), most or len(points))
+    nearest = lengths.min(axis=1, initial=np.inf)[np.arange(count) * len(points) // max(1, count)]
     nearest = nearest[(nearest > 0) & np.isfinite(nearest)]
     return float(nearest.mean()) if nearest.size else np.inf
 
@@ -382,20 +396,47 @@ def motions(p: FloatArray, q: FloatArray, found: list[IntArray]) -> list[Pose]:
 def at_known_scale(look: Look, lengths: list[float], *, told: bool, turns: FloatArray, modes: int) -> Attempt:
     """Return what is found with the likeliest tolerance, or another one."""
     tried = len(lengths)
-    found = count_frames(look(lengths[0], 1.0), turns, modes)
-    for length in lengths[1:]:
+    first = look(lengths[0], 1.0)
+    framed = count_frames(first, turns, modes)
+    if tried == 1 or first.expected * tried < CLEAR_ALARMS:
+        return framed
+    if framed.counted.turns is not None and framed.expected * tried < MOST_ALARMS:
+        return framed
+    attempts = [first, *(look(length, 1.0) for length in lengths[1:COMPARED])]
+    winner, scores = best_of(attempts)
+    order = np.argsort(-scores, kind="stable")
+    found = attempts[winner]
+    found = found._replace(ranked=[found.ranked[k]._replace(score=float(scores[k])) for k in order])
+    found = found._replace(expected=expected(found.model, found.ranked, found.mirrored, rigid=found.rigid))
+    for other in attempts:
+        sure = other is not attempts[winner] and other.expected * tried < MOST_ALARMS
+        if sure and is_near(found, other) and is_fewer(other.expected, found.expected):
+            found = found._replace(expected=other.expected)
+    for length in [] if told else lengths[COMPARED:]:
         if found.expected * tried < MOST_ALARMS:
             break
         other = look(length, 1.0)
-        if told:
-            is_better = other.expected * tried < MOST_ALARMS and is_near(found, other)
-        else:
-            is_better = is_fewer(other.expected, found.expected)
-        if is_better and told and is_narrow(found):
-            found = found._replace(expected=other.expected)
-        elif is_better:
-            found = count_frames(other, turns, modes)
-    return found
+        if is_fewer(other.expected, found.expected):
+            found = other
+    return count_frames(found, turns, modes)
+
+
+def best_of(attempts: list[Attempt]) -> tuple[int, FloatArray]:
+    """Return which one has the best mode, and the mean scores of its modes."""
+    means = [mean_scores(attempts, of) for of in attempts]
+    best = [of[:CANDIDATE_MODES].max(initial=-np.inf) for of in means]
+    return int(np.argmax(best)), means[int(np.argmax(best))]
+
+
+def mean_scores(attempts: list[Attempt], of: Attempt) -> FloatArray:
+    """Mean scores of an attempt's modes with the tolerances of all, but for the greatest."""
+    scores = np.zeros((len(attempts), len(of.ranked)))
+    for k, other in enumerate(attempts):
+        for j, one in enumerate(of.ranked):
+            pose = Pose(one.pose.rotation, one.pose.translation * of.unit / other.unit)
+            scores[k, j] = other.model.terms(pose).sum() * landing(other.model, pose, 5.0)[0]
+    counted = [other.unit <= 2.0 * attempts[0].unit for other in attempts]
+    return np.asarray(scores[counted].mean(axis=0))
 
 
 def at_likely_scale(
@@ -473,25 +514,68 @@ def count_frames(found: Attempt, turns: FloatArray, modes: int) -> Attempt:
         return found
     answer = found.model, found.ranked
     counted, ranked = with_frames(answer, turns, found.hypotheses, found.kept, modes)
+    if counted.turns is None:
+        return found
     number = expected(found.model, ranked, found.mirrored, rigid=found.rigid)
     return found._replace(counted=counted, ranked=ranked, expected=number)
 
 
-def suited(
-    found: Attempt, ratio: FloatArray | None, turns: FloatArray, modes: int, tried: int
-) -> tuple[Attempt, float]:
-    """Return what was found, with the tolerance that suits the noise, and that."""
-    refined, noise = with_noise(found, tried)
-    if noise < 1.5 * SIGMA * found.unit:
-        return refined, noise
-    factor = SIGMA * found.unit / noise
-    poses = [Pose(one.pose.rotation, one.pose.translation * factor) for one in refined.ranked]
-    p, q = found.model.p * factor, found.model.q * factor
-    wider = judge(p, q, ratio, noise / SIGMA, modes, poses, found.kept, found.mirrored, rigid=found.rigid)
-    wider = count_frames(wider, turns, modes)
-    if wider.expected * tried >= MOST_ALARMS:
-        return refined, noise
-    return with_noise(wider, tried)
+def adapted(found: Attempt, resolution: float | None, likely: float, tried: int) -> tuple[Attempt, float]:
+    """Return what was found in units of the group's radius, its best pose refined, and the noise."""
+    pose = found.ranked[0].pose
+    exact, deviation = refined_by_noise(found.counted, pose)
+    noise = deviation * found.unit
+    residuals = found.unit * np.sqrt(found.counted.squares(pose))
+    unit = group_radius(residuals, resolution, likely, noise) / 5.0
+    factor = found.unit / unit
+
+    def scaled(pose: Pose) -> Pose:
+        return Pose(pose.rotation, pose.translation * factor)
+
+    model, counted = (x._replace(p=x.p * factor, q=x.q * factor) for x in (found.model, found.counted))
+    if noise < (1.0 - EQUAL_ALARMS) * SIGMA * unit and found.expected * tried < MOST_ALARMS:
+        best = scaled(exact)
+    else:
+        best = refine(scaled(pose), counted, [SIGMA] * 6)
+    poses = [best, *(scaled(one.pose) for one in found.ranked[1:])]
+    ranked = [
+        Ranked(pose, one.score, landing(model, pose, 5.0)[1])
+        for pose, one in zip(poses, found.ranked, strict=True)
+    ]
+    return found._replace(unit=unit, model=model, counted=counted, ranked=ranked), noise
+
+
+def group_radius(residuals: FloatArray, resolution: float | None, likely: float, noise: float) -> float:
+    """Return the radius of the group that the residuals suggest, or that of the resolution."""
+    prior = likely
+    ordered = np.sort(residuals)
+    sigma = max(prior, ordered[min(6, len(ordered)) - 1] / 3.4)
+    for _ in range(12):
+        window = 3.4 * sigma
+        near = ordered[ordered < window]
+        own, share, count = sigma, 0.5, 0.0
+        for _ in range(12):
+            right = share * window**2 / (2.0 * own**2) * np.exp(-(near**2) / (2.0 * own**2))
+            weight = right / (right + 1.0 - share)
+            count = float(weight.sum())
+            if not (weight * near**2).sum() > 0.0:
+                count = 0.0
+                break
+            share = (count + 1.0) / (len(near) + 2.0)
+            own = float(np.sqrt((weight * near**2).sum() / (2.0 * count)))
+        if count == 0.0:
+            break
+        mean = np.exp((count * np.log(own) + 30.0 * np.log(prior)) / (count + 30.0))
+        sigma = float(np.clip(mean, sigma / 1.3, sigma * 1.3))
+    radius = 2.0 * float(np.clip(sigma, prior / 3.0, 3.0 * prior))
+    if resolution is None:
+        return radius
+    given = 5.0 * resolution
+    if 0.4 < radius / given < 2.0:
+        return given
+    if radius > given:
+        return max(float(np.sqrt(given * radius)), noise / 0.54)
+    return float(np.sqrt(given * radius)) if radius > 0.25 * given else radius
 
 
 def is_near(found: Attempt, other: Attempt) -> bool:
@@ -502,19 +586,6 @@ def is_near(found: Attempt, other: Attempt) -> bool:
     laid = found.unit * apply(a.rotation, a.translation, found.model.p)
     laid -= other.unit * apply(b.rotation, b.translation, other.model.p)
     return bool(np.sqrt((laid**2).sum(axis=1).mean()) < 6.0 * max(found.unit, other.unit))
-
-
-def is_narrow(found: Attempt) -> bool:
-    """Return True where 6 times the noise exceeds the deviation."""
-    return bool(found.ranked) and 6.0 * refined_by_noise(found.counted, found.ranked[0].pose)[1] > SIGMA
-
-
-def with_noise(found: Attempt, tried: int) -> tuple[Attempt, float]:
-    """Return what was found, its best pose refined if it is sure, and the noise under it."""
-    pose, deviation = refined_by_noise(found.counted, found.ranked[0].pose)
-    if found.expected * tried < MOST_ALARMS:
-        found = found._replace(ranked=[found.ranked[0]._replace(pose=pose), *found.ranked[1:]])
-    return found, deviation * found.unit
 
 
 def refined_by_noise(model: Model, pose: Pose) -> tuple[Pose, float]:

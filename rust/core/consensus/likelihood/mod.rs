@@ -139,6 +139,11 @@ impl Likelihood {
         self.deviation
     }
 
+    /// Replaces the standard deviation of a correct match, and the bound of residuals.
+    pub fn set_lengths(&mut self, deviation: f64, reach: f64) {
+        (self.deviation, self.reach) = (deviation, reach);
+    }
+
     /// Removes the correspondences whose residual under a pose is below the reach.
     ///
     /// # Errors

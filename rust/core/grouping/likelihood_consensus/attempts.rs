@@ -1,21 +1,23 @@
 //! Attempts with one tolerance or several.
 //!
-//! If no tolerance is given, steps 1 to 8 use the likeliest one. Others follow without frames, in steps of a
-//! factor of two in both directions, until one answer is significant. The noise under the answer is
-//! estimated, and the pose is refined with it (`noise.rs`). If the noise is too large for the tolerance, the
-//! poses found are scored again with the tolerance that matches the noise. If a resolution is given, another
-//! tolerance only decides whether the motion found is significant, unless the given one is far too large for
-//! the noise. Without a resolution, the fewest false alarms win.
+//! If no tolerance is given, steps 1 to 8 use the likeliest one. If its answer leaves a doubt, four others
+//! follow without frames, in steps of a factor of two in both directions. The best modes of all are compared
+//! by their mean score with the same tolerances, since scores of different ones are not comparable. Another
+//! tolerance that finds the same motion can make it significant. Without a resolution, still others follow
+//! until one is significant. The residuals determine the group's radius (`width.rs`) and refine the pose.
 
 use std::rc::Rc;
 
 use nalgebra::Matrix3;
 
+use super::comparison::take_best;
 use super::confidence::{Judge, MOST_FALSE_ALARMS};
 use super::{
-    Answer, DEVIATION, Joined, LikelihoodConsensus, MOST_VERTICES, Problem, SEEDS, Scale, frames, noise,
+    Answer, DEVIATION, GROUP, Joined, LikelihoodConsensus, MOST_VERTICES, Problem, REACH, SEEDS, Scale,
+    frames, noise, width,
 };
-use crate::consensus::false_alarms::is_fewer;
+use crate::consensus::false_alarms::{EQUAL, is_fewer};
+use crate::consensus::landing::landings;
 use crate::consensus::likelihood::Likelihood;
 use crate::consensus::modes::displacement;
 use crate::error::positive;
@@ -29,14 +31,18 @@ const RESOLUTIONS: f64 = 3.0;
 /// Range of other tolerances in powers of two, with a given resolution and without one.
 const OCTAVES: (i32, i32) = (2, 4);
 
-/// A tolerance is too small if the noise exceeds this multiple of its deviation, and too large if the noise
-/// is below its deviation divided by the second number.
-const TOO_SMALL: f64 = 1.5;
-const TOO_GREAT: f64 = 6.0;
+/// Tolerances whose modes are compared.
+const COMPARED: usize = 5;
+
+/// Number of false alarms that makes other tolerances unnecessary.
+const CLEAR: f64 = 1e-4;
 
 /// Poses that displace the source points by less than this many tolerances (root mean square) are the same
 /// motion.
 const NEAR: f64 = 2.0;
+
+/// Iterations of refinement by the group's radius.
+const ROUNDS: usize = 6;
 
 /// Result of one tolerance.
 pub struct Attempt<'a> {
@@ -80,26 +86,74 @@ impl LikelihoodConsensus {
         let rotations = rotations.as_deref();
         // Each tolerance tried is one more chance of a false alarm.
         let tried = tolerances.len() as f64;
-        let is_told = correspondences.resolution().is_some();
-        let mut found = self.attempt(correspondences, source, tolerances[0], rotations, execution)?;
-        for tolerance in &tolerances[1..] {
-            if found.is_sure(tried) {
-                break;
+        let mut found = self.attempt(correspondences, source, tolerances[0], None, execution)?;
+        let is_clear = tolerances.len() == 1 || found.false_alarms * tried < CLEAR;
+        if !is_clear {
+            if let Some(framed) = self.framed(correspondences, &found, rotations, tried)? {
+                return self.finish(correspondences, framed, tried);
             }
-            let other = self.attempt(correspondences, source, *tolerance, None, execution)?;
-            let is_better = if is_told {
-                other.is_sure(tried) && found.is_near(&other)
-            } else {
-                is_fewer(other.false_alarms, found.false_alarms)
-            };
-            if is_better && is_told && found.is_narrow()? {
-                found.false_alarms = other.false_alarms;
-            } else if is_better {
-                found = other;
-                self.settle(&mut found, rotations)?;
+            found = self.compared(correspondences, found, &tolerances, tried)?;
+        }
+        if rotations.is_some() {
+            let by_position = found.false_alarms;
+            self.settle(&mut found, rotations)?;
+            if !found.answer.by_frames {
+                found.false_alarms = by_position; // of another tolerance, if fewer
             }
         }
-        self.finish(correspondences, found, rotations, tried)
+        self.finish(correspondences, found, tried)
+    }
+
+    /// The answer of frames, if it is significant.
+    fn framed<'a>(
+        &self,
+        correspondences: &Correspondences,
+        found: &Attempt<'a>,
+        rotations: Option<&[Option<Matrix3<f64>>]>,
+        tried: f64,
+    ) -> Result<Option<Attempt<'a>>> {
+        let Some(rotations) = rotations else { return Ok(None) };
+        let hypotheses = memory::copied(&found.hypotheses)?;
+        let joined = Rc::clone(&found.joined);
+        let framed = self.judge(correspondences, found.problem, joined, hypotheses, Some(rotations))?;
+        Ok(Some(framed).filter(|framed| framed.answer.by_frames && framed.is_sure(tried)))
+    }
+
+    /// The attempt with the best mode of several tolerances.
+    fn compared<'a>(
+        &self,
+        correspondences: &'a Correspondences,
+        first: Attempt<'a>,
+        tolerances: &[f64],
+        tried: f64,
+    ) -> Result<Attempt<'a>> {
+        let Problem { source, execution, .. } = first.problem;
+        let more = |tolerance: &f64| self.attempt(correspondences, source, *tolerance, None, execution);
+        let (compared, others) = tolerances.split_at(tolerances.len().min(COMPARED));
+        let mut attempts = Vec::new();
+        memory::push(&mut attempts, first)?;
+        for tolerance in &compared[1..] {
+            memory::push(&mut attempts, more(tolerance)?)?;
+        }
+        let mut found = take_best(&mut attempts)?;
+        self.settle(&mut found, None)?;
+        for other in attempts.iter().filter(|other| other.is_sure(tried)) {
+            if found.is_near(other) && is_fewer(other.false_alarms, found.false_alarms) {
+                found.false_alarms = other.false_alarms;
+            }
+        }
+        if correspondences.resolution().is_none() {
+            for tolerance in others {
+                if found.is_sure(tried) {
+                    break;
+                }
+                let other = more(tolerance)?;
+                if is_fewer(other.false_alarms, found.false_alarms) {
+                    found = other;
+                }
+            }
+        }
+        Ok(found)
     }
 
     /// Reports the result, adapted to the noise unless a tolerance is given.
@@ -107,16 +161,11 @@ impl LikelihoodConsensus {
         &self,
         correspondences: &Correspondences,
         mut found: Attempt<'_>,
-        rotations: Option<&[Option<Matrix3<f64>>]>,
         tried: f64,
     ) -> Result<Grouping> {
         let mut noise = None;
         if self.tolerance.is_none() {
-            noise = found.refine_by_noise(tried)?;
-            if let Some(wider) = self.suited(correspondences, &found, rotations, tried, noise)? {
-                found = wider;
-                noise = found.refine_by_noise(tried)?;
-            }
+            noise = found.adapt(correspondences, tried, self.instances > 1)?;
         }
         found.false_alarms *= tried;
         Ok(Grouping { noise, ..found.report(self.instances)? })
@@ -191,26 +240,6 @@ impl LikelihoodConsensus {
         found.false_alarms = found.judge().expected(&found.answer.ranked, joined, is_rigid)?;
         Ok(())
     }
-
-    /// The result rescored with the tolerance that matches the noise, if the current one is too small and the
-    /// new result is significant.
-    fn suited<'a>(
-        &self,
-        correspondences: &Correspondences,
-        found: &Attempt<'a>,
-        rotations: Option<&[Option<Matrix3<f64>>]>,
-        tried: f64,
-        noise: Option<f64>,
-    ) -> Result<Option<Attempt<'a>>> {
-        let Some(noise) = noise.filter(|noise| *noise > TOO_SMALL * DEVIATION * found.problem.tolerance)
-        else {
-            return Ok(None);
-        };
-        let poses = memory::collect(found.answer.ranked.iter().map(|one| one.mode.pose))?;
-        let problem = Problem { tolerance: noise / DEVIATION, ..found.problem };
-        let wider = self.judge(correspondences, problem, Rc::clone(&found.joined), poses, rotations)?;
-        Ok(wider.is_sure(tried).then_some(wider))
-    }
 }
 
 impl Attempt<'_> {
@@ -236,22 +265,47 @@ impl Attempt<'_> {
         displacement(pose, of_other, self.problem.source) < NEAR * tolerance
     }
 
-    /// Whether the tolerance is not far larger than the noise under the best pose requires.
-    fn is_narrow(&self) -> Result<bool> {
-        let Some(pose) = self.best_pose() else { return Ok(false) };
-        let (_, noise) = noise::refined(&self.problem, &self.answer.likelihood, pose)?;
-        Ok(TOO_GREAT * noise > DEVIATION * self.problem.tolerance)
-    }
-
-    /// Returns the noise under the best pose, and refines the pose by it if it is significant.
-    fn refine_by_noise(&mut self, tried: f64) -> Result<Option<f64>> {
-        let is_sure = self.is_sure(tried);
-        let Some(best) = self.answer.ranked.first_mut() else { return Ok(None) };
-        let (pose, noise) = noise::refined(&self.problem, &self.answer.likelihood, &best.mode.pose)?;
-        if is_sure {
-            best.mode.pose = pose;
+    /// Returns the noise under the best pose, takes the radius of the group from the residuals, and refines
+    /// the pose by the lesser of both. `is_landed`: counts the targets near all poses anew, for instances.
+    fn adapt(
+        &mut self,
+        correspondences: &Correspondences,
+        tried: f64,
+        is_landed: bool,
+    ) -> Result<Option<f64>> {
+        let Some(pose) = self.best_pose().copied() else { return Ok(None) };
+        let Problem { source, target, execution, .. } = self.problem;
+        let (exact, noise) = noise::refined(&self.problem, &self.answer.likelihood, &pose)?;
+        let likely = noise::sampled_tolerance(source, target, execution)?;
+        let given = correspondences.resolution().map(|resolution| GROUP * RESOLUTIONS * resolution);
+        let squares = self.answer.likelihood.squared_residuals(&pose)?;
+        let radius = width::radius(&squares, likely, given, GROUP / DEVIATION * noise)?;
+        let tolerance = radius / GROUP;
+        let deviation = DEVIATION * tolerance;
+        self.problem = Problem { tolerance, ..self.problem };
+        for likelihood in [&mut self.likelihood, &mut self.answer.likelihood] {
+            likelihood.set_lengths(deviation, REACH * tolerance);
+        }
+        let refined = if noise < (1.0 - EQUAL) * deviation && self.is_sure(tried) {
+            exact
+        } else {
+            self.answer.likelihood.refined(&pose, std::iter::repeat_n(deviation, ROUNDS))?
+        };
+        self.answer.ranked.iter_mut().take(1).for_each(|one| one.mode.pose = refined);
+        if is_landed {
+            self.land()?;
         }
         Ok(Some(noise))
+    }
+
+    /// Counts the targets within the group's radius of the moved source points.
+    fn land(&mut self) -> Result<()> {
+        let Problem { source, target, execution, .. } = self.problem;
+        let ranked = &mut self.answer.ranked;
+        let poses = memory::collect(ranked.iter().map(|one| one.mode.pose))?;
+        let landed = landings(&poses, source, target, self.problem.group_radius(), execution)?;
+        ranked.iter_mut().zip(landed).for_each(|(one, landing)| one.landing = landing);
+        Ok(())
     }
 
     fn report(&self, instances: usize) -> Result<Grouping> {

@@ -21,17 +21,20 @@
 //! 7. The group: residuals of at most 5 under it.
 //! 8. The number of false alarms, and further instances (`confidence.rs`).
 //!
-//! If no tolerance is given, several are tried, and the noise refines the pose (`attempts.rs`, `noise.rs`).
+//! If no tolerance is given, several are tried (`attempts.rs`, `comparison.rs`), and the residuals refine the
+//! pose and determine the radius of the group (`noise.rs`, `width.rs`).
 //! If the scale is unknown, this is done at the likeliest scales (`scale.rs`).
 //!
 //! Cost O(n^2) tests of pairs, and O(n) per hypothesis.
 
 mod attempts;
+mod comparison;
 mod confidence;
 mod frames;
 mod noise;
 mod precision;
 mod scale;
+mod width;
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -72,9 +75,9 @@ method! {
     pub struct LikelihoodConsensus = "lc", ["source", "target"],
         optional ["ratio", "source_lrf", "target_lrf", "resolution"], {
         /// Greatest distance difference of agreeing correspondences, a length; default `3 * resolution`, or
-        /// without a resolution 0.8 times the distance of neighbouring points. If that gives no significant
-        /// pose, other powers of 2 times that are tried, and the pose is refined with the noise under it,
-        /// `Grouping.noise`. For dense matches of clouds downsampled to voxels of side v, give `1.2 * v`.
+        /// without a resolution 0.8 times the distance of neighbouring points. If that leaves a doubt, other
+        /// powers of 2 times that are tried, and the residuals determine the radius of the group and refine
+        /// the pose. For dense matches of clouds downsampled to voxels of side v, give `1.2 * v`.
         pub tolerance: Option<f64> = None;
         /// Most poses in `Grouping.alternatives`, the best among them.
         pub modes: usize = 40;

@@ -20,6 +20,9 @@ use rayon::prelude::*;
 /// The first tolerance tried, in mean distances of neighbouring points.
 const SPACINGS: f64 = 0.8;
 
+/// Points whose neighbours are measured where the exact mean is not needed.
+const SAMPLES: usize = 1_000;
+
 /// Radii per factor of two, and most radii tried on both sides of the group's.
 const STEPS_PER_OCTAVE: f64 = 2.0;
 const MOST_STEPS: i32 = 8;
@@ -33,6 +36,26 @@ const ROUNDS: usize = 5;
 pub fn likely_tolerance(source: &Points, target: &Points, execution: &Execution) -> Result<f64> {
     let spacing = spacing(source, execution)?.min(spacing(target, execution)?);
     Ok(if spacing.is_finite() { SPACINGS * spacing } else { 1.0 })
+}
+
+/// As [`likely_tolerance`], by the nearest neighbours of points evenly spread over the input.
+pub fn sampled_tolerance(source: &Points, target: &Points, execution: &Execution) -> Result<f64> {
+    let spacing = sampled_spacing(source, execution)?.min(sampled_spacing(target, execution)?);
+    Ok(if spacing.is_finite() { SPACINGS * spacing } else { 1.0 })
+}
+
+/// Mean distance of some points to their nearest neighbours elsewhere; infinite without such neighbours.
+fn sampled_spacing(points: &Points, execution: &Execution) -> Result<f64> {
+    let (n, count) = (points.len(), points.len().min(SAMPLES));
+    let rows = memory::collect((0..count).map(|k| k * n / count))?;
+    let nearest = NearestNeighbors::new(points, execution)?.of_rows(&rows, 1, execution)?;
+    let (mut sum, mut elsewhere) = (0.0, 0.0);
+    for (&i, &j) in rows.iter().zip(&nearest) {
+        let distance = (points.get(i) - points.get(j as usize)).norm();
+        sum += distance;
+        elsewhere += f64::from(u8::from(distance > 0.0));
+    }
+    Ok(if elsewhere > 0.0 { sum / elsewhere } else { f64::INFINITY })
 }
 
 /// Mean distance of points to their nearest neighbours; infinite without neighbours.

@@ -184,7 +184,7 @@ impl LikelihoodConsensus {
         let rotations = frames::proposed_rotations(given)?;
         let rotations = rotations.as_deref();
         let found = self.attempt(given, &scaled, best.tolerance, rotations, execution)?;
-        let mut grouping = self.finish(given, found, rotations, tried)?;
+        let mut grouping = self.finish(given, found, tried)?;
         let alternatives = grouping.alternatives.iter_mut().flatten().map(|one| &mut one.model);
         for model in grouping.model.iter_mut().chain(alternatives) {
             model.fixed_view_mut::<3, 3>(0, 0).scale_mut(best.scale);
