@@ -5,7 +5,7 @@
 //! estimated by expectation maximization, and the window moves with it. The prior of the radius is two of the
 //! tolerances that suit the spacing of the matches, and weighs as 30 correct matches.
 //!
-//! The radius of a given resolution stays if the estimate is between 0.4 and 2 of it. If the estimate is
+//! The radius of a given resolution stays if the estimate is between 0.4 and 2.5 of it. If the estimate is
 //! greater, the radius is the geometric mean of both, at least the one that suits the noise. If it is less,
 //! the radius is the geometric mean of both, or the estimate alone below a quarter.
 
@@ -31,7 +31,7 @@ const LEAST: usize = 6;
 const SPAN: f64 = 3.0;
 
 /// Bounds of the estimate, in given radii, between which the given radius stays.
-const STAYS: (f64, f64) = (0.4, 2.0);
+const STAYS: (f64, f64) = (0.4, 2.5);
 
 /// The estimate, in given radii, below which a given radius does not count.
 const COUNTS: f64 = 0.25;
