@@ -104,9 +104,8 @@ def exponents(timing: pd.DataFrame, *, threads: int = 1, least: int = FITTED_FRO
     --------
     >>> import pandas as pd
     >>> from cgroup.benchmark.tables import exponents
-    >>> timing = pd.DataFrame(
-    ...     {"method": "gtm", "n": [2000, 4000], "threads": 1, "seconds": [0.1, 0.4]}
-    ... )
+    >>> times = {"method": "gtm", "n": [2000, 4000], "threads": 1}
+    >>> timing = pd.DataFrame({**times, "seconds": [0.1, 0.4]})
     >>> exponents(timing).round(6).values.tolist()
     [['gtm', 2.0, 2]]
     """

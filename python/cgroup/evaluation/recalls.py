@@ -98,9 +98,8 @@ def registration_recall(registered: ArrayLike, *, scenes: Sequence[str] | None =
     >>> registered = [True, True, True, False]
     >>> registration_recall(registered)
     0.75
-    >>> registration_recall(
-    ...     registered, scenes=["kitchen", "kitchen", "kitchen", "hotel"]
-    ... )
+    >>> scenes = ["kitchen", "kitchen", "kitchen", "hotel"]
+    >>> registration_recall(registered, scenes=scenes)
     0.5
     """
     flags = as_mask("registered", registered)

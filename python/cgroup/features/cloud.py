@@ -86,9 +86,8 @@ class Cloud:
     >>> cloud = features.Cloud(standin_pair(pixels=60).source.points)
     >>> pr = features.resolution(cloud)
     >>> keypoints = features.harris3d(cloud, resolution=pr, threshold=1e-6)
-    >>> descriptors = features.shot(
-    ...     cloud, features.normals(cloud), keypoints, radius=15 * pr
-    ... )
+    >>> planes = features.normals(cloud)
+    >>> descriptors = features.shot(cloud, planes, keypoints, radius=15 * pr)
     """
 
     __slots__ = ("_core", "_name", "_places", "_points")

@@ -151,9 +151,8 @@ def shot(
     >>> from cgroup.datasets import standin_pair
     >>> points = standin_pair(pixels=60).source.points
     >>> pr = features.resolution(points)
-    >>> descriptors = features.shot(
-    ...     points, features.normals(points), [0, 500], radius=15 * pr
-    ... )
+    >>> planes = features.normals(points)
+    >>> descriptors = features.shot(points, planes, [0, 500], radius=15 * pr)
     >>> descriptors.shape, np.linalg.norm(descriptors, axis=1).round(3).tolist()
     ((2, 352), [1.0, 1.0])
     """

@@ -48,9 +48,7 @@ def read_transform(path: str | os.PathLike[str]) -> FloatArray:
     --------
     >>> from pathlib import Path
     >>> from cgroup.io import read_transform
-    >>> _ = Path("pose.txt").write_text(
-    ...     "0.5, 0, 2,  0, 0, 0, 1  # tx ty tz qx qy qz qw"
-    ... )
+    >>> _ = Path("pose.txt").write_text("0.5, 0, 2, 0, 0, 0, 1  # t, q")
     >>> read_transform("pose.txt")[:3]
     array([[1. , 0. , 0. , 0.5],
            [0. , 1. , 0. , 0. ],

@@ -61,9 +61,8 @@ def registration_page(
     >>> from cgroup.pages import registration_page
     >>> from cgroup.registration import register
     >>> pair = standin_pair(pixels=60)
-    >>> page = registration_page(
-    ...     pair.source, pair.target, register(pair.source, pair.target)
-    ... )
+    >>> found = register(pair.source, pair.target)
+    >>> page = registration_page(pair.source, pair.target, found)
     >>> page.startswith("<!doctype html>")
     True
     """
@@ -159,9 +158,8 @@ def comparison_page(
     >>> pair = standin_pair(pixels=40)
     >>> matches = correspond(pair.source, pair.target)
     >>> results = compare(matches, pair.T_target_source, methods=["gc", "lc"])
-    >>> page = comparison_page(
-    ...     pair.source, pair.target, matches, results, pair.T_target_source
-    ... )
+    >>> clouds, truth = (pair.source, pair.target), pair.T_target_source
+    >>> page = comparison_page(*clouds, matches, results, truth)
     >>> "LC" in page
     True
     """

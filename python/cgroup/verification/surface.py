@@ -149,9 +149,8 @@ def places(
     >>> from cgroup.verification import Place, Surface, places
     >>> points = standin_pair(pixels=60).source.points
     >>> pr = features.resolution(points)
-    >>> surface = Surface(
-    ...     points, features.normals(points), unit=0.4 * pr, viewpoint=(0, 0, 0)
-    ... )
+    >>> unit, planes = 0.4 * pr, features.normals(points)
+    >>> surface = Surface(points, planes, unit=unit, viewpoint=(0, 0, 0))
     >>> found = places(surface, surface, np.eye(4))
     >>> sorted({Place(place).name for place in found})
     ['ON', 'UNKNOWN']

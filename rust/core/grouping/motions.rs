@@ -77,7 +77,8 @@ fn find(
         let group = lc.group(&part, execution)?;
         let (Some(model), Some(true)) = (group.model, group.ok) else { break };
         let bound = group.rule.agreement.map_or(1.0, |agreement| agreement.bound);
-        let unit = *unit.get_or_insert(bound / TOLERANCE);
+        let given = tolerance.map(|tolerance| tolerance / 3.0).or(correspondences.resolution());
+        let unit = *unit.get_or_insert(given.unwrap_or(bound / TOLERANCE));
         let selected = |&(k, _): &(usize, &usize)| group.mask[k];
         let rows = memory::collect(left.iter().enumerate().filter(selected).map(|(_, &i)| i))?;
         if rows.is_empty() {
