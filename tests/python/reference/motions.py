@@ -173,7 +173,9 @@ def share_out(
         moved = [p[owner == k] @ one.pose.rotation.T + one.pose.translation for one in motions[: k + 1]]
         off_by = [((moved[-1] - there) ** 2).sum() / max(1, size) for there in moved[:-1]]
         is_same, is_lost = any(np.sqrt(square) < 6.0 for square in off_by), 2 * size < found[k][1]
-        if is_same or (is_lost and (size == 0 or log_alarms(motions[k].pose, p, q, 5.0, taken) >= np.log(0.01))):
+        if is_same or (
+            is_lost and (size == 0 or log_alarms(motions[k].pose, p, q, 5.0, taken) >= np.log(0.01))
+        ):
             return share_out(p, q, found[:k] + found[k + 1 :], unit) if len(found) > 1 else []
     groups = []
     for k, (pose, _, variance) in enumerate(motions):
