@@ -21,13 +21,15 @@ pub struct Prepared {
     most: usize,
     is_single: bool,
     levels: [OnceLock<std::result::Result<Arc<Level>, Refusal>>; FACTORS.len()],
+    without_viewpoint: OnceLock<Arc<Self>>,
 }
 
 impl Prepared {
     /// Prepares a scan for voxels of a size, of which there may be `most` ([`MOST_VOXELS`] for scans
     /// that are matched as a whole); nothing is computed yet.
     pub fn new(scan: Arc<Scan>, voxel: f64, radii: Radii, outside: Outside, most: usize) -> Self {
-        Self { scan, voxel, radii, outside, most, is_single: false, levels: Default::default() }
+        let (levels, without_viewpoint) = Default::default();
+        Self { scan, voxel, radii, outside, most, is_single: false, levels, without_viewpoint }
     }
 
     /// Prepares a cloud whose scanner's position may be known; `voxel` is the edge length of the finest voxels, such as that of
@@ -68,10 +70,12 @@ impl Prepared {
         Ok(Self::new(scan, voxel, self.radii, outside, self.most))
     }
 
-    /// Returns the whole scan with nothing known of its viewpoint.
-    #[must_use]
-    pub fn without_viewpoint(&self) -> Self {
-        Self::new(Arc::clone(&self.scan), self.voxel, self.radii, Outside::Frames(None), self.most)
+    /// Returns the whole scan with nothing known of its viewpoint, prepared once for all partners.
+    pub fn without_viewpoint(&self) -> &Self {
+        self.without_viewpoint.get_or_init(|| {
+            let scan = Arc::clone(&self.scan);
+            Arc::new(Self::new(scan, self.voxel, self.radii, Outside::Frames(None), self.most))
+        })
     }
 
     /// Returns whether the scanner's position is known, and the scan is no part of another.

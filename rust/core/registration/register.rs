@@ -93,8 +93,8 @@ pub fn register(
     {
         return Ok(found);
     }
-    let blind = [source, target].map(Prepared::without_viewpoint);
-    let other = search_levels(&blind[0], &blind[1], options, &clock, execution)?;
+    let (one, two) = (source.without_viewpoint(), target.without_viewpoint());
+    let other = search_levels(one, two, options, &clock, execution)?;
     if let Outcome::Found(done) = &other
         && other.is_accepted()
     {
