@@ -232,11 +232,11 @@ def certify(
     tolerance: float | None = None,
     threads: int | None = None,
 ) -> Grouping:
-    """Bound the number of matches that any rival of the group's pose can lay.
+    """Bound the number of inliers of any rival of the group's pose.
 
-    A rival lays at most half of the matches that the pose lays within a tolerance. Any pose that moves at
-    least half of their source points by more than twice the tolerance is a rival. Parameters are as for
-    `match_probabilities`.
+    A rival has at most half of the matches within the tolerance of the group's pose, its inliers, among its
+    own. Any pose that moves at least half of their source points by more than twice the tolerance is a rival.
+    Parameters are as for `match_probabilities`.
 
     Parameters
     ----------
@@ -246,8 +246,8 @@ def certify(
     Returns
     -------
     Grouping
-        The same, with ``bound``, ``laid`` (matches that the pose lays within the tolerance), ``optimal`` (1
-        if the bound is less than that, else 0) and ``bound_seconds`` in its `diagnostics`.
+        The same, with ``bound``, ``inliers`` (matches within the tolerance of the pose), ``optimal`` (1 if
+        the bound is less than that, else 0) and ``bound_seconds`` in its `diagnostics`.
 
     Raises
     ------
@@ -271,9 +271,9 @@ def certify(
         tolerance = rule.bound if pairs is None or pairs.is_ratio else pairs.bound
     model = grouping.transform() if grouping.model is None else grouping.model
     run = run_options(threads, max_memory_for(len(matches)))
-    laid, bound = _core.bound_rivals(fields, model, as_length("tolerance", tolerance), run)
+    inliers, bound = _core.bound_rivals(fields, model, as_length("tolerance", tolerance), run)
     seconds = perf_counter() - start
-    facts = {"bound": bound, "laid": laid, "optimal": float(bound < laid), "bound_seconds": seconds}
+    facts = {"bound": bound, "inliers": inliers, "optimal": float(bound < inliers), "bound_seconds": seconds}
     return replace(grouping, diagnostics={**grouping.diagnostics, **facts})
 
 

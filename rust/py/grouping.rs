@@ -100,7 +100,7 @@ pub fn group_motions<'py>(
     run(py, &run_options, work)?.into_iter().map(|found| convert::grouping(py, found)).collect()
 }
 
-/// Numbers of matches laid within the tolerance: by the pose, and at most by any rival.
+/// Numbers of inliers: of the pose, and at most of any rival.
 #[pyfunction]
 pub fn bound_rivals<'py>(
     py: Python<'py>,
@@ -112,5 +112,5 @@ pub fn bound_rivals<'py>(
     let (correspondences, model) = (fields.to_core()?, Matrix4::from_row_slice(&model.numbers()?));
     let work = move |execution: &_| bound::bound_rivals(&correspondences, &model, tolerance, execution);
     let found = run(py, &run_options, work)?;
-    Ok((found.laid, found.rivals))
+    Ok((found.inliers, found.rivals))
 }

@@ -170,7 +170,7 @@ def test_no_rival_exceeds_the_bound(problem: Problem, tolerance: float, method: 
         return
     model = group.transform() if group.model is None else group.model
     laid, largest = reference.largest_rival(problem.source, problem.target, model, tolerance)
-    assert facts["laid"] == laid
+    assert facts["inliers"] == laid
     assert largest <= facts["bound"] <= len(matches)
     assert facts["optimal"] == (facts["bound"] < laid)
 

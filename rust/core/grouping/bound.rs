@@ -1,11 +1,11 @@
-//! Upper bound on the matches that any other pose can lay within a tolerance.
+//! Upper bound on the number of inliers of any other pose.
 //!
-//! A pose lays match i if `|R p_i + t - q_i| <= e`. Let S be the k matches that the given pose lays, and
-//! `h = floor(k / 2)`. A rival is a pose that lays at most h matches of S. Any pose that moves at least half
-//! of the source points of S by more than 2 e from where the given pose moves them is a rival: if both poses
-//! lay match i, both move `p_i` to within e of `q_i`, hence to within 2 e of each other.
+//! Match i is an inlier of a pose if `|R p_i + t - q_i| <= e`. Let S be the k inliers of the given pose, and
+//! `h = floor(k / 2)`. A rival is a pose with at most h inliers in S. Any pose that moves at least half of the
+//! source points of S by more than 2 e from where the given pose moves them is a rival: if match i is an inlier
+//! of both poses, both move `p_i` to within e of `q_i`, hence to within 2 e of each other.
 //!
-//! The bound: let a rival lay the set C. Of two matches i, j in C, the moved points keep their distance ds, and
+//! The bound: let C be the inliers of a rival. Of two matches i, j in C, the moved points keep their distance ds, and
 //! the targets are each within e of them, so that `|ds - dt| <= 2 e`: C is a clique of the graph of pairs with
 //! that property. Let B be the part of C outside S. If B is empty, C has at most h members. Else order the
 //! matches outside S, and let v be the first member of B. All others of C are neighbours of v: those in S are
@@ -14,7 +14,7 @@
 //! `|C| <= max(h, max over v of 1 + min(h, |N(v) and S|) + colours(N(v) after v))`. Where that is not below k,
 //! the same is done with two members of B, and so on, until a number of steps.
 //!
-//! If the bound is below k, no rival lays as many matches as the given pose.
+//! If the bound is below k, no rival has as many inliers as the given pose.
 
 use crate::compatibility::graph::{AgreementGraph, EdgeLengths, count_common};
 use crate::consensus::coloring::{Colored, color};
@@ -34,13 +34,13 @@ const MOST_STEPS: usize = 2_000_000;
 /// A bound, and what it is compared with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Bound {
-    /// Number of matches that the given pose lays within the tolerance.
-    pub laid: usize,
-    /// No rival lays more.
+    /// Number of inliers of the given pose.
+    pub inliers: usize,
+    /// No rival has more inliers.
     pub rivals: usize,
 }
 
-/// Bounds the number of matches laid by rivals of a model, at the scale of the model.
+/// Bounds the number of inliers of the rivals of a model, at the scale of the model.
 ///
 /// # Errors
 /// [`crate::Error::MissingField`] without points; [`crate::Error::InvalidInput`] for a tolerance that is not
@@ -68,9 +68,9 @@ fn bound_of_rivals(
     tolerance: f64,
     execution: &Execution,
 ) -> Result<Bound> {
-    let is_laid = |i: &usize| (pose.apply(&source.get(*i)) - target.get(*i)).norm() <= tolerance;
-    let inside = memory::collect((0..source.len()).filter(is_laid))?;
-    let outside = memory::collect((0..source.len()).filter(|i| !is_laid(i)).map(|i| i as u32))?;
+    let is_inlier = |i: &usize| (pose.apply(&source.get(*i)) - target.get(*i)).norm() <= tolerance;
+    let inside = memory::collect((0..source.len()).filter(is_inlier))?;
+    let outside = memory::collect((0..source.len()).filter(|i| !is_inlier(i)).map(|i| i as u32))?;
     let slack = ROUNDING * (source.diagonal() + target.diagonal() + tolerance);
     let difference = 2.0 * tolerance + slack;
     let graph = AgreementGraph::with_edges(source, target, difference, EdgeLengths::Any, execution)?;
@@ -80,20 +80,20 @@ fn bound_of_rivals(
     let order = Cores::of(&among, execution)?.from_last(0)?;
     let among = among.induced(&order, execution)?;
     let rows = memory::collect(order.iter().map(|&k| outside[k as usize] as usize))?;
-    let laid = inside.len();
+    let inliers = inside.len();
     let mut search = Search {
         graph: &graph,
         among: &among,
         rows: &rows,
         members: &members,
-        half: laid / 2,
-        laid,
+        half: inliers / 2,
+        inliers,
         steps: 0,
-        bound: laid / 2,
+        bound: inliers / 2,
         execution,
     };
     search.bound_each()?;
-    Ok(Bound { laid, rivals: search.bound })
+    Ok(Bound { inliers, rivals: search.bound })
 }
 
 /// Members of B, with the bits of the members of S and of the candidates that are neighbours of all of them.
@@ -113,7 +113,7 @@ struct Search<'a> {
     /// S.
     members: &'a [u64],
     half: usize,
-    laid: usize,
+    inliers: usize,
     steps: usize,
     bound: usize,
     execution: &'a Execution,
@@ -134,7 +134,7 @@ impl Search<'_> {
         Ok(())
     }
 
-    /// Bounds a branch; divides it while that is not below the number laid and steps are left.
+    /// Bounds a branch; divides it while that is not below the number of inliers and steps are left.
     fn search(&mut self, first: Branch) -> Result<()> {
         let mut branches = vec![first];
         while let Some(Branch { count, inside, candidates }) = branches.pop() {
@@ -142,16 +142,16 @@ impl Search<'_> {
             let shared = count_common(&inside, &inside) as usize;
             let own = count + shared.min(self.half);
             let open = count_common(&candidates, &candidates) as usize;
-            if own + open < self.laid || own + open <= self.bound {
+            if own + open < self.inliers || own + open <= self.bound {
                 self.bound = self.bound.max(own + open);
                 continue;
             }
             self.steps += open;
-            let least = self.laid.saturating_sub(own + 1) as u32;
+            let least = self.inliers.saturating_sub(own + 1) as u32;
             let (mut left, mut class) = (memory::copied(&candidates)?, memory::copied(&candidates)?);
             let mut colored: Vec<Colored> = Vec::new();
             let colors = color(self.among, &mut left, &mut class, least, &mut colored)? as usize;
-            if own >= self.laid || own + colors < self.laid || self.steps > MOST_STEPS {
+            if own >= self.inliers || own + colors < self.inliers || self.steps > MOST_STEPS {
                 self.bound = self.bound.max(own + colors);
                 continue;
             }
@@ -211,8 +211,8 @@ mod tests {
                 (0..n).map(|i| (pose.apply(&source.get(i)) - target.get(i)).norm() <= tolerance).collect();
             let joined =
                 |i: usize, j: usize| (source.distance(i, j) - target.distance(i, j)).abs() <= 2.0 * tolerance;
-            assert_eq!(found.laid, inside.iter().filter(|&&one| one).count());
-            let truth = largest(&joined, n, &inside, found.laid / 2);
+            assert_eq!(found.inliers, inside.iter().filter(|&&one| one).count());
+            let truth = largest(&joined, n, &inside, found.inliers / 2);
             assert!(truth <= found.rivals, "{truth} {found:?}");
         }
         Ok(())
@@ -224,7 +224,7 @@ mod tests {
         let (source, target) = given.positions("lc")?;
         let pose = crate::geometry::rigid::fit_rows(source, target, 0..60)?.unwrap_or_else(Rigid::identity);
         let found = bound_of_rivals(source, target, &pose, 1.0, &Execution::default())?;
-        assert!(found.rivals < found.laid, "{found:?}");
+        assert!(found.rivals < found.inliers, "{found:?}");
         Ok(())
     }
 }
