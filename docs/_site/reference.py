@@ -67,7 +67,7 @@ GROUPS: dict[str, dict[str, str]] = {
         "From cgroup.features": "DescribedCloud ORIGIN Viewpoint",
     },
     "cgroup.scenes": {
-        "Many scans": "register_all Scene Edge",
+        "Many scans": "register_all Scene Edge false_joins",
         "A scan in a map": "prepare_map PreparedMap locate assess_in_map",
         "Pose graphs": "PoseGraph",
     },

@@ -13,6 +13,8 @@ from cgroup import InputError
 from cgroup.cli import terminal
 from cgroup.cli.commands import merge
 from cgroup.io import read_cloud, read_transforms, write_cloud
+from cgroup.registration import FalseAccepts
+from cgroup.registration.decoys import count_false_accepts
 from cgroup.rigid import rotation_error
 from cgroup.scenes import PoseGraph, Scene
 
@@ -65,6 +67,20 @@ def test_one_scene(calls: list[dict[str, Any]], capsys: Capture) -> None:
     assert all(f"  {name}" in out for name in names)
     assert len(read_transforms("scene/poses.tum")) == 3
     assert len(PoseGraph.read("scene/graph.g2o").edges) == 2
+
+
+@pytest.mark.usefixtures("calls")
+def test_mirrored_scans_are_added_if_wanted(monkeypatch: pytest.MonkeyPatch, capsys: Capture) -> None:
+    def count(scene: Scene, *, scans: int, **_: object) -> FalseAccepts:
+        return count_false_accepts([True] * len(scene.scans), [True] + [False] * (scans - 1))
+
+    monkeypatch.setattr(merge, "false_joins", count)
+    _, out, _ = run(capsys, "merge", *NAMES, "--out", "scene", "--decoys", 4)
+    assert "1 of 4 mirrored scans would be joined: about 25 %" in out
+    _, out, _ = run(capsys, "merge", *NAMES, "--out", "scene", "--decoys", 4, "--json")
+    assert json.loads(out)["results"]["false_joins"]["decoys"] == 1
+    _, out, _ = run(capsys, "merge", *NAMES, "--out", "scene", "--json")
+    assert json.loads(out)["results"]["false_joins"] is None
 
 
 def test_scans_are_placed_and_finished_pairs_kept(

@@ -114,6 +114,16 @@ def test_a_scan_of_another_place_is_refused() -> None:
     assert not any(found.ok for found in locate(scan, place()))
 
 
+def test_the_mirror_image_of_a_scan_is_nowhere_in_a_map() -> None:
+    scan = scan_from(EYES[0])
+    (alone,), (beside,) = locate(scan, place()), locate(scan, place(), decoy=True)
+    assert np.array_equal(alone.T_target_source, beside.T_target_source)
+    assert beside.decoy_probability is not None
+    assert beside.decoy_probability < 0.1
+    mirrored = locate(scan * (-1.0, 1.0, 1.0), place())
+    assert not any(found.ok for found in mirrored)
+
+
 def test_a_pose_in_a_map_is_assessed() -> None:
     scan = scan_from(EYES[0])
     pose = locate(scan, place())[0].T_target_source

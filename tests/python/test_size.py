@@ -15,19 +15,19 @@ FILES = sorted(PACKAGE.rglob("*.py"))
 MOST_LINES = {
     "": 34_200,
     "benchmark/": 7_100,
-    "cli/": 3_450,
+    "cli/": 3_470,
     "datasets/": 3_300,
     "evaluation/": 1_510,
     "features/": 1_350,
-    "fronts/": 860,
+    "fronts/": 880,
     "io/": 2_200,
-    "maps/": 1_040,
+    "maps/": 1_065,
     "methods/": 990,
     "pages/": 1_130,
     "plots/": 1_480,
     "recognition/": 460,
     "registration/": 2_200,
-    "scenes/": 1_980,
+    "scenes/": 2_075,
 }
 """Lines of the package and of its rooms, with docstrings and blank lines."""
 

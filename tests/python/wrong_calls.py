@@ -67,6 +67,7 @@ WRONG_CALLS: dict[str, list[Callable[[Any], Any]]] = {
     "cgroup.registration.Registration.merged": [given(DONE, np.zeros(3), PAIR.target)],
     "cgroup.registration.Registration.covariance_in": [given(DONE, "ceres")],
     "cgroup.scenes.register_all": [given([CLOUD])],
+    "cgroup.scenes.false_joins": [given(SCENE)],
     "cgroup.scenes.prepare_map": [given(CLOUD, voxel=-1)],
     "cgroup.scenes.locate": [given(CLOUD, CLOUD)],
     "cgroup.scenes.assess_in_map": [given(CLOUD, CLOUD, np.eye(4)), given(PAIR.source, PLACE, FAR)],

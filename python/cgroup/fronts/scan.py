@@ -300,6 +300,30 @@ def fill_between_rings(scan: Scan) -> Scan:
     return scan if filled is None else replace(scan, cloud=Cloud(filled, name=scan.name))
 
 
+def mirror_image(
+    scan: Scan, viewpoint: Viewpoint | None, axis: FloatArray | None = None
+) -> tuple[Scan, Viewpoint | None]:
+    """Return the mirror image of a scan and of its viewpoint: no pose aligns it, but by chance.
+
+    The plane of the mirror contains the axis, z by default, so that up stays up.
+    """
+    up = np.array([0.0, 0.0, 1.0]) if axis is None else axis
+    across = np.cross(up, np.eye(3)[np.argmin(np.abs(up))])
+    mirror = np.eye(3) - 2 * np.outer(across, across) / (across @ across)
+    points, mesh = in_double(scan.cloud.points) @ mirror, scan.mesh
+    mirrored = replace(
+        scan,
+        cloud=Cloud(points, name=scan.name),
+        given=points,
+        normals=None if scan.normals is None else scan.normals @ mirror,
+        mesh=None if mesh is None else replace(mesh, points=mesh.points @ mirror, normals=None),
+    )
+    if viewpoint is None:
+        return mirrored, None
+    x, y, z = (mirror @ viewpoint).tolist()
+    return mirrored, (x, y, z)
+
+
 def _surface_of(name: str, cloud: PointCloud, count: int) -> tuple[FloatArray | None, IndexArray | None]:
     normals = None if cloud.normals is None else in_double(real_normals(f"{name}.normals", cloud.normals))
     faces = None if cloud.faces is None else as_faces(f"{name}.faces", cloud.faces)

@@ -22,7 +22,7 @@ from cgroup._runtime.workers import count_workers, work_side_by_side
 from cgroup.errors import InputError
 from cgroup.features import Cloud
 from cgroup.features.voxels import choose_thinning
-from cgroup.fronts.scan import as_viewpoint
+from cgroup.fronts.scan import as_viewpoint, mirror_image
 from cgroup.maps import settings
 from cgroup.maps.plan_view import Disk, find_layers
 from cgroup.maps.prepared_map import Level, PreparedMap
@@ -43,6 +43,7 @@ def locate(
     near: ArrayLike | None = None,
     radius: float | None = None,
     effort: Effort = "normal",
+    decoy: bool = False,
     threads: int | None = None,
     progress: Callable[[str], Any] | None = None,
 ) -> list[Registration]:
@@ -62,6 +63,10 @@ def locate(
         Approximate position of the origin of the scan's frame in the map.
     radius : float, optional
         Largest error of `near`; by default the scan's own radius.
+    decoy : bool
+        Also locate the mirror image of the scan. `decoy_probability` is then that of its best place in the
+        whole map, otherwise that of its best pose at the places of the scan. The mirror image takes as long
+        as a scan that is not in the map: about ten times as long as one that is.
 
     Returns
     -------
@@ -87,21 +92,39 @@ def locate(
     search = pairwise.Search("lc", {}, direction, effort, 1, clock)
     clock.start("voxels")
     size = choose_thinning(given.whole.cloud, voxels=settings.SCAN_VOXELS, threads=threads)
-    fitting, finer = place.level_at(size), place.level_at(size, finer=1)
+    levels = place.level_at(size), place.level_at(size, finer=1)
+    best, source = _find(given, levels, search, around, as_threads(threads))
+    if decoy:
+        image = pairwise.Given("scan", *mirror_image(source.scan, source.viewpoint, direction))
+        mirrored, _ = _find(image, levels, search, around, threads)
+        reached = mirrored[0][0].probability if mirrored else 0.0
+        best = [(replace(found, decoy=reached), where) for found, where in best]
+    found_in = [(found, pairwise.judge(found, source, where, direction)) for found, where in best]
+    return [pairwise.registration_of(found, judgement, clock.stop()) for found, judgement in found_in]
+
+
+def _find(
+    given: pairwise.Given,
+    levels: tuple[Level, Level],
+    search: pairwise.Search,
+    around: Disk | None,
+    threads: int | None,
+) -> tuple[list[tuple[pairwise.Found, PreparedScan]], PreparedScan]:
+    """Return the best poses of a scan, each with its place, and the prepared scan."""
 
     def look(level: Level) -> _Locating:
-        shared = pairwise.Preparation(level.voxel, DenseFront(), as_threads(threads))
+        shared = pairwise.Preparation(level.voxel, DenseFront(), threads)
         return _Locating(shared.finish(given, by_frames=True), level, search, around)
 
+    fitting, finer = levels
     locating = look(fitting)
     best = locating.run("low")
     if not best or not pairwise.is_accepted(best[0][0].probability):
         locating = locating if finer is fitting else look(finer)
-        found = locating.run(effort)
+        found = locating.run(search.effort)
         if found and (not best or found[0][0].probability > best[0][0].probability):
             best = found
-    found_in = [(found, pairwise.judge(found, locating.source, where, direction)) for found, where in best]
-    return [pairwise.registration_of(found, judgement, clock.stop()) for found, judgement in found_in]
+    return best, locating.source
 
 
 def as_disk(near: ArrayLike | None, radius: float | None) -> Disk | None:
@@ -145,7 +168,7 @@ class _Locating:
             reach = float(np.quantile(np.linalg.norm(points, axis=1), settings.WITHIN))
             self._cells = level.around(around.middle, radius + reach + settings.CELL * level.voxel)
 
-    def run(self, effort: Effort) -> list[tuple[pairwise.Found, PreparedScan]]:
+    def run(self, effort: pairwise.Depth) -> list[tuple[pairwise.Found, PreparedScan]]:
         """Register the scan to the most similar places until a pose is accepted."""
         search, workers = replace(self._search, effort=effort), count_workers(self.source.threads)
         done: list[tuple[pairwise.Found, PreparedScan]] = []
@@ -250,13 +273,17 @@ class _Locating:
         chance = pairwise.bound_by_motions(chance, best.found.motions)
         chance = pairwise.bound_by_size(chance, self.source, best.place) * best.found.scale_factor
         alike = np.flatnonzero(pairwise.are_alternatives(chance, shares)).tolist()
+        decoy = max(
+            (one.found.decoy for one in self._candidates if one.found.decoy is not None), default=None
+        )
         places = [(best, chance), *((rivals[row], chance * min(float(shares[row]), 1.0)) for row in alike)]
         done: list[tuple[pairwise.Found, PreparedScan]] = []
         for one, probability in places:
             others = [other.pose for other, _ in places if other is not one]
             alternatives = np.reshape(others, (-1, 4, 4))
             found = self._refined(one)
-            done.append((replace(found, probability=probability, alternatives=alternatives), one.place))
+            shared = replace(found, probability=probability, alternatives=alternatives, decoy=decoy)
+            done.append((shared, one.place))
         return done
 
     def _refined(self, one: _Candidate) -> pairwise.Found:

@@ -36,7 +36,7 @@ class SceneBuilder:
         effort: Effort,
         clock: StageClock,
     ) -> None:
-        self.scans, self._call, self._axis, self._clock = scans, call, axis, clock
+        self.scans, self._call, self.axis, self._clock = scans, call, axis, clock
         self._effort: Effort = effort
         self._voxel = scans[0].voxel
         self._middles = np.array([scan.scan.centroid for scan in scans])
@@ -103,7 +103,7 @@ class SceneBuilder:
         self, pairs: Sequence[tuple[int, int]], effort: Depth, proposed: FloatArray | None = None
     ) -> None:
         starts = [None] * len(pairs) if proposed is None else [pose[None] for pose in proposed]
-        tasks = [(pair, (self._axis, effort, start)) for pair, start in zip(pairs, starts, strict=True)]
+        tasks = [(pair, (self.axis, effort, start)) for pair, start in zip(pairs, starts, strict=True)]
         for pair, found in zip(pairs, self._call(link, tasks), strict=True):
             self._tried.add((max(pair), min(pair)))
             if found is not None:
@@ -125,7 +125,7 @@ class SceneBuilder:
     def grown(self, scan: PreparedScan, call: CallEach) -> SceneBuilder:
         """Return a new builder with a further scan, registered to the most similar ones."""
         clock = StageClock(ignore_progress)
-        grown = SceneBuilder([*self.scans, scan], call, self._axis, self._effort, clock)
+        grown = SceneBuilder([*self.scans, scan], call, self.axis, self._effort, clock)
         grown._links, grown._chances = dict(self._links), dict(self._chances)
         grown._tried, grown._seen, grown._firm = set(self._tried), set(self._seen), set(self._firm)
         row = len(self.scans)
@@ -139,9 +139,15 @@ class SceneBuilder:
         grown._decision = grown._decide()
         return grown
 
+    @property
+    def joins_last(self) -> bool:
+        """Whether the last scan is connected to another."""
+        labels = self._decision.labels
+        return bool((labels[:-1] == labels[-1]).any())
+
     # --- joins -----------------------------------------------------------------------------------------
 
-    def _join(self) -> None:
+    def join(self) -> None:
         """Join components by the unions of their scans."""
         self._clock.start("joins")
         asked: set[tuple[tuple[int, ...], tuple[int, ...]]] = set()
@@ -149,7 +155,7 @@ class SceneBuilder:
             proposed = propose_joins(self._links, self._decision, self._middles, self._voxel)
             joins = [join for join in proposed if join.parts not in asked][: len(self.scans)]
             asked.update(join.parts for join in joins)
-            tasks = [task_of(join, self._decision, self._axis, self._effort) for join in joins]
+            tasks = [task_of(join, self._decision, self.axis, self._effort) for join in joins]
             unions = self._call(link_unions, tasks)
             before = len(self._firm)
             for join, union in zip(joins, unions, strict=True):
@@ -183,7 +189,7 @@ class SceneBuilder:
 
     def finish(self) -> Scene:
         """Join components, refine all scans together, and return the scene."""
-        self._join()
+        self.join()
         self._clock.start("refinement")
         agreeing = {pair for pair, error in self._residuals().items() if error < settings.DISAGREES}
         kept = self._weigh_kept(sorted({*agreeing, *self._decision.kept}))

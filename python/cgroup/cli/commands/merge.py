@@ -34,7 +34,7 @@ from cgroup.io.result_folders import Results, make_folder
 from cgroup.registration import FalseAccepts
 from cgroup.rigid import apply
 from cgroup.rigid.covariance import deviations_at
-from cgroup.scenes import Scene, register_all
+from cgroup.scenes import Scene, false_joins, register_all
 from cgroup.scenes.scene import cloud_of
 
 _SCANS = (
@@ -106,6 +106,7 @@ def _print_scene(document: Document, *, wide: bool) -> None:
         ("components", ", ".join(counted(len(rows), "scan") for rows in done["components"])),
         ("pairs", f"{done['tried']} tried; edges: {kept} kept, {len(edges) - kept} dropped"),
         ("two scans", str(FalseAccepts(**done["false_accepts"]))),
+        *([("joins", _joined_wrongly(FalseAccepts(**wrong)))] if (wrong := done["false_joins"]) else []),
         ("sd", "standard deviation of a scan's rotation, and of the position of its middle"),
         ("voxel", f"{done['voxel']:.4g} (in the files' unit, as all lengths)"),
         ("time", f"{sum(done['seconds'].values()):.2f} s"),
@@ -113,6 +114,12 @@ def _print_scene(document: Document, *, wide: bool) -> None:
         *([("not kept", f"{', '.join(unkept)} of the scans")] if unkept else []),
     )
     print_contents({file: _FILES[_first_name(file)] for file in files})
+
+
+def _joined_wrongly(found: FalseAccepts) -> str:
+    low, high = (100 * bound for bound in found.interval)
+    wrong = f"about {100 * found.share:.2g} % ({low:.2g} to {high:.2g} %) of the joined scans are wrong"
+    return f"{found.decoys} of {counted(found.pairs, 'mirrored scan')} would be joined: {wrong}"
 
 
 def _row_of(edge: Document, scans: Sequence[Document]) -> tuple[str, ...]:
@@ -157,6 +164,13 @@ def merge_command(
         "this process",
     ),
     threads: int | None = option(None, "COUNT", "Threads to compute on.", "Machines", "all cores", min=1),
+    decoys: int = option(
+        0,
+        "COUNT",
+        "Mirrored scans to add, which show how often a scan is joined wrongly.",
+        options.SEARCH,
+        min=0,
+    ),
     out: Path = options.OUT,
     html: bool = options.HTML,
     **shared: Any,
@@ -184,6 +198,7 @@ def merge_command(
             threads=threads,
             progress=begin,
         )
+        wrong = asdict(false_joins(scene, scans=decoys, threads=threads, progress=begin)) if decoys else None
         inputs, placed = _describe(scene, scans, begin)
         begin("writing")
         several = sum(len(rows) > 1 for rows in scene.components)
@@ -198,6 +213,7 @@ def merge_command(
             "edges": [{key: getattr(edge, key) for key in _EDGE_KEYS} for edge in scene.edges],
             "tried": scene.tried,
             "false_accepts": asdict(scene.false_accepts),
+            "false_joins": wrong,
             "voxel": scene.voxel,
             "notes": scene.notes,
             "seconds": scene.seconds,
