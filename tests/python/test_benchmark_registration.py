@@ -12,7 +12,12 @@ from cgroup.benchmark.config import parse_config
 from cgroup.benchmark.pipelines import PIPELINES
 from cgroup.benchmark.plan import make_plan
 from cgroup.benchmark.report import write_report
-from cgroup.benchmark.report.pipelines import answer_table, detail_table, trust_table
+from cgroup.benchmark.report.pipelines import (
+    answer_table,
+    calibration_table,
+    detail_table,
+    trust_table,
+)
 from cgroup.errors import InputError
 
 SETS = """
@@ -155,3 +160,23 @@ def test_the_page_shows_the_comparison_alone(finished):
     assert "3 / 3" in page
     assert 'id="claims-table"' not in page
     assert (finished / "figures" / "registration.png").stat().st_size > 1000
+
+
+def test_stated_and_true_wrong_poses_are_beside_each_other():
+    """Mirrored pairs do not count: the right pose of their mirrored source is no chance."""
+    kinds = ["related"] * 20 + ["mixed"] * 10 + ["mirrored"] * 5
+    rows = pd.DataFrame({"set": "views", "method": "one", "kind": kinds})
+    rows["ok"] = rows["kind"] != "mirrored"
+    rows["right"] = rows["kind"] == "related"
+    rows["probability"], rows["nees"] = rows["ok"].astype(float), 6.0
+    rows["decoy"] = np.where(rows["kind"] == "mirrored", 0.99, 0.01)
+    rows.loc[:3, "decoy"] = 0.9
+    rows.loc[4, "decoy"] = np.nan
+
+    def stated(frame: pd.DataFrame) -> str:
+        table = calibration_table(frame)
+        return table.rows[0][table.headers.index("wrong of unmirrored: true; stated")].text
+
+    assert stated(rows) == "10; 4 (1.1 to 10.2)"
+    assert stated(rows.assign(ok=False)) == "-"
+    assert stated(rows.assign(decoy=np.nan)) == "-"

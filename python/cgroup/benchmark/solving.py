@@ -296,6 +296,7 @@ def _register(solver: Solver, given: Clouds, loaded: LoadedProblem, sample: Real
     numbers: dict[str, Any] = _name_errors(pose, truth, sample, pr)
     numbers["ok"] = bool(answer.ok) and pose is not None
     numbers["probability"] = none_unless_finite(answer.probability)
+    numbers["decoy"] = none_unless_finite(answer.decoy)
     if pose is not None and answer.covariance is not None and truth is not None:
         error = vector_of(truth @ invert(pose), np.zeros(3))
         numbers["nees"] = none_unless_finite(float(error @ np.linalg.solve(answer.covariance, error)))

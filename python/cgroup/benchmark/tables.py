@@ -59,7 +59,7 @@ _MEASURES: dict[Task, dict[str, Any]] = {
     "matches": _GROUPS,
     "timing": {"n": 0, "repeats": ()},
     "registration": {
-        **dict.fromkeys(("voxel", "pr", "overlap", "probability", "nees", *ERRORS), math.nan),
+        **dict.fromkeys(("voxel", "pr", "overlap", "probability", "decoy", "nees", *ERRORS), math.nan),
         "ok": False,
         "stages": {},
         "truth": None,
@@ -113,8 +113,9 @@ def load(path: Path | str, kind: Task = "experiment") -> pd.DataFrame:
         frames, number` of generated problems.
 
         "registration": `column`: the set, with the side of `split_overlap`; `ok, probability` reported by the
-        pipeline; `nees`: normalized squared error by its covariance, 6 on average if it is correct; `stages`:
-        dict of seconds, whose sum is `seconds`.
+        pipeline, and `decoy`, the probability of its best pose of the mirrored source; `nees`: normalized
+        squared error by its covariance, 6 on average if it is correct; `stages`: dict of seconds, whose sum
+        is `seconds`.
 
         "scenes": `dataset` names all places, `pair` the seed; `scans`; the counts and, as tuples, the errors
         of `cgroup.evaluation.SceneScore`; `tried`: registered pairs of scans; `stages`.

@@ -48,6 +48,8 @@ class Answer:
         Probability that the pose is correct, NaN where not estimated.
     covariance : (6,6) array of float64 or None
         Of the pose, as `cgroup.registration.Registration.covariance`.
+    decoy : float
+        Probability of the best pose of the mirrored source, NaN where not searched for.
 
     Examples
     --------
@@ -64,6 +66,7 @@ class Answer:
     ok: bool
     probability: float = np.nan
     covariance: FloatArray | None = None
+    decoy: float = np.nan
 
 
 @dataclass(frozen=True, eq=False)

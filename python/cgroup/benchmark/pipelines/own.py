@@ -43,7 +43,8 @@ def _register(
         if error.registration is None:
             return Answer(None, ok=False)
         found = error.registration
-    return Answer(found.T_target_source, found.ok, found.probability, found.covariance)
+    decoy = np.nan if found.decoy_probability is None else found.decoy_probability
+    return Answer(found.T_target_source, found.ok, found.probability, found.covariance, decoy)
 
 
 def matches(

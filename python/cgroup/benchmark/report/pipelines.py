@@ -3,11 +3,12 @@
 import numpy as np
 import pandas as pd
 
-from cgroup.benchmark.report.cells import MISSING, Cell, Table, median, number, share, tabulate
+from cgroup.benchmark.report.cells import MISSING, Cell, Table, median, number, share, tabulate, words
 from cgroup.benchmark.report.charts import FigureFiles, Section, estimate_with_intervals
 from cgroup.evaluation import ecdf
 from cgroup.evaluation.scene_scores import ROTATION_LIMITS, TRANSLATION_LIMITS
 from cgroup.plots.experiments import pipelines_chart, scenes_chart
+from cgroup.registration.pairwise import count_false_accepts, is_accepted
 from cgroup.types import FloatArray
 
 _ELLIPSOID = 12.59
@@ -82,7 +83,9 @@ def calibration_table(frame: pd.DataFrame) -> Table:
 
     The calibration error is the mean distance between probability and share of correct poses over ten classes
     of probability, weighted by their pairs. NEES is the squared error of accepted correct poses normalized by
-    their covariance: 6 on average and below 12.6 for 95 of 100 if the covariance is correct.
+    their covariance: 6 on average and below 12.6 for 95 of 100 if the covariance is correct. The stated
+    number of wrong accepted poses is that of the mirrored sources that would be accepted, with its 95 %
+    interval; of mirrored pairs this source would be the right one, so they do not count.
     """
 
     def calibration(rows: pd.DataFrame) -> Cell:
@@ -93,15 +96,25 @@ def calibration_table(frame: pd.DataFrame) -> Table:
     def nees(rows: pd.DataFrame) -> pd.Series:
         return rows[rows["right"] & rows["ok"]]["nees"].dropna()
 
+    def stated(rows: pd.DataFrame) -> Cell:
+        searched = rows[rows["decoy"].notna() & (rows["kind"] != "mirrored")]
+        found = count_false_accepts(searched["ok"], searched["decoy"].map(is_accepted))
+        if not found.accepted:
+            return words(MISSING)
+        wrong, (low, high) = (searched["ok"] & ~searched["right"]).sum(), found.interval
+        interval = f"{low * found.accepted:.1f} to {high * found.accepted:.1f}"
+        return words(f"{wrong}; {found.decoys} ({interval})")
+
     columns = {
         "right accepted": lambda rows: share(rows[rows["right"]]["ok"]),
         "wrong accepted": lambda rows: share(rows[~rows["right"]]["ok"]),
+        "wrong of unmirrored: true; stated": stated,
         "Brier score": lambda rows: number(float(((rows["right"] - rows["probability"]) ** 2).mean())),
         "calibration error": calibration,
         "NEES": lambda rows: number(float(nees(rows).mean()), "{:.1f}"),
         "in the 95 % ellipsoid": lambda rows: share(nees(rows) < _ELLIPSOID),
     }
-    known = frame[frame["probability"].notna()].astype({"right": bool})
+    known = frame[frame["probability"].notna()].astype({"right": bool, "ok": bool})
     caption = "Calibration of the probabilities, unrelated and mirrored pairs included"
     return tabulate(caption, known, _BY_SET, columns)
 
