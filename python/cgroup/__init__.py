@@ -11,8 +11,6 @@
 (True, False)
 """
 
-from __future__ import annotations
-
 import importlib as _importlib
 import sys as _sys
 import warnings as _warnings

@@ -1,7 +1,5 @@
 """Run the command line as ``python -m cgroup``."""
 
-from __future__ import annotations
-
 from cgroup.cli import main
 
 if __name__ == "__main__":

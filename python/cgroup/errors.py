@@ -4,16 +4,9 @@ All of them are a `CgroupError`, so that one ``except`` catches them; `InputErro
 a `ValueError` too, `OutOfMemoryError` a `MemoryError`.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
-__all__ = [
-    "CgroupError",
-    "InputError",
-    "NoConsensusError",
-    "OutOfMemoryError",
-]
+__all__ = ["CgroupError", "InputError", "NoConsensusError", "OutOfMemoryError"]
 
 
 class CgroupError(Exception):

@@ -1,7 +1,5 @@
 """Explanation of the decision on one match."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from cgroup._show.words import length, one_of
@@ -29,9 +27,8 @@ class Explanation:
     threshold : float or None
         The cut on the scores, where scores decide.
     residual : float or None
-        Distance between its target point and its source point under the group's pose, in the data's unit:
-        the pose is `Grouping.model`, or else the least-squares pose of the group. None without points
-        or pose.
+        Distance between its target point and its source point under the group's pose, in the data's unit: the
+        pose is `Grouping.model`, or else the least-squares pose of the group. None without points or pose.
     tolerance : float or None
         The bound on the residual, in the data's unit, where residuals decide; for TEASER++ the bound along
         each axis.

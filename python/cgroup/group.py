@@ -11,15 +11,7 @@ from typing import Any
 
 from cgroup import _core
 from cgroup._checks.calls import explain_wrong_calls, refuse_too_many, unknown_option
-from cgroup._checks.values import (
-    as_choice,
-    as_count,
-    as_instance,
-    as_items,
-    as_length,
-    refusal,
-    run_options,
-)
+from cgroup._checks.values import as_choice, as_count, as_instance, as_items, as_length, refusal, run_options
 from cgroup._runtime.memory import default_max_memory, max_memory_for, report_refused_memory
 from cgroup._runtime.workers import count_workers, work_side_by_side
 from cgroup.errors import InputError
@@ -29,13 +21,7 @@ from cgroup.types import Correspondences, FloatArray, Grouping
 from cgroup.types.fields import FIELDS, Fields
 from cgroup.types.grouping import find_probabilities
 
-__all__ = [
-    "certify",
-    "group",
-    "group_many",
-    "group_motions",
-    "match_probabilities",
-]
+__all__ = ["certify", "group", "group_many", "group_motions", "match_probabilities"]
 
 
 _AUTO = "auto"  # of a tolerance: estimated

@@ -28,13 +28,7 @@ from cgroup.types.point_cloud import as_cloud
 Nuisance: TypeAlias = Callable[[MatchingPair, float, np.random.Generator], MatchingPair]
 
 
-__all__ = [
-    "LEAST_POINTS",
-    "NUISANCES",
-    "add_noise",
-    "apply_nuisance",
-    "decimate",
-]
+__all__ = ["LEAST_POINTS", "NUISANCES", "add_noise", "apply_nuisance", "decimate"]
 
 LEAST_POINTS = 100
 """A nuisance that would leave fewer points than this is refused."""
@@ -65,11 +59,7 @@ def add_noise(cloud: AnyCloud, sigma: float, rng: np.random.Generator) -> PointC
 
 
 def decimate(
-    cloud: AnyCloud,
-    share: float,
-    rng: np.random.Generator,
-    *,
-    method: Literal["random", "voxel"] = "random",
+    cloud: AnyCloud, share: float, rng: np.random.Generator, *, method: Literal["random", "voxel"] = "random"
 ) -> PointCloud:
     """Keep a fraction of the points.
 
@@ -252,5 +242,4 @@ def _check_share(name: str, level: float) -> None:
 
 def _check_left(count: int, cause: str) -> None:
     if count < LEAST_POINTS:
-        message = f"{cause} leaves {count} points; matching needs at least {LEAST_POINTS}"
-        raise InputError(message)
+        raise InputError(f"{cause} leaves {count} points; matching needs at least {LEAST_POINTS}")

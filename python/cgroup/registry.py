@@ -4,8 +4,6 @@ Names, plot styles, help texts and tables derive from it. `METHODS` is what exis
 the paper compared: its claims and presets are about those nine, whatever else is added.
 """
 
-from __future__ import annotations
-
 import unicodedata
 from collections.abc import Callable, Mapping
 from typing import Any

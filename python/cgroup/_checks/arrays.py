@@ -4,8 +4,6 @@ Masked arrays are refused, even without masked entries: NumPy's functions drop m
 and whether a mask hides something is a matter of the data, not of the program.
 """
 
-from __future__ import annotations
-
 from itertools import chain
 from typing import Any, TypeAlias
 
@@ -87,8 +85,7 @@ def as_reals(name: str, value: ArrayLike, remedy: str = "give an array of real n
     """Return `value` as a contiguous, aligned float32 or float64 array, without a copy if possible."""
     array = as_array(name, value)
     if array.dtype.kind not in "fiub":
-        got = show(value) if array.ndim == 0 else f"an array of {array.dtype}"
-        raise InputError(name, got, remedy)
+        raise InputError(name, show(value) if array.ndim == 0 else f"an array of {array.dtype}", remedy)
     if array.dtype in AS_THEY_ARE and array.flags.c_contiguous and array.flags.aligned:
         return array
     # Fields of packed records are neither aligned nor a whole number of elements apart.

@@ -1,7 +1,5 @@
 """Explain wrong arguments of a call in one sentence, with a suggestion."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterable
 from functools import partial, wraps
 from inspect import Parameter, Signature, signature

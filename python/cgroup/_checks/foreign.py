@@ -4,8 +4,6 @@ Each reader looks for the attributes of one kind of object and returns its parts
 them like any other array. NumPy gets an object that no reader knows.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple

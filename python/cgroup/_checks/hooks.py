@@ -1,7 +1,5 @@
 """Functions that are loaded by name: those of higher packages, on the first call, and plug-ins."""
 
-from __future__ import annotations
-
 import importlib
 from importlib import import_module
 from typing import Any

@@ -1,7 +1,5 @@
 """Quote values and names in messages: short, on one line, printable."""
 
-from __future__ import annotations
-
 import reprlib
 
 _LONGEST = 160

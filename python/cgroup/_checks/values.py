@@ -5,8 +5,6 @@ scalars, arrays of no axes and fractions are numbers; arrays of one element, str
 not. A truth value is a `bool` or `numpy.bool_`. Anything else raises `InputError`.
 """
 
-from __future__ import annotations
-
 import operator
 import os
 from collections.abc import Callable, Collection, Mapping

@@ -1,7 +1,5 @@
 """Explanations why each match was kept or dropped: the rule of the method, and the other matches."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Facts about a group and its matches, computed once for all explanations."""
 
-from __future__ import annotations
-
 from functools import cached_property
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Explanations in words: each match against the rule that selected its group."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Connect to a Dask cluster, and run tasks on it."""
 
-from __future__ import annotations
-
 import itertools
 import logging
 from collections.abc import Callable, Generator, Iterable

@@ -1,7 +1,5 @@
 """Default memory limit of pairwise matrices, and errors for failed allocations."""
 
-from __future__ import annotations
-
 import mmap
 import os
 import sys

@@ -1,7 +1,5 @@
 """Progress of a computation: times of stages, and callbacks."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from typing import Any

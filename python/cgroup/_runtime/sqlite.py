@@ -1,7 +1,5 @@
 """Open SQLite files, create missing files, and reject foreign ones."""
 
-from __future__ import annotations
-
 import sqlite3
 from pathlib import Path
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Run many single-threaded computations in parallel."""
 
-from __future__ import annotations
-
 import functools
 import os
 import sys

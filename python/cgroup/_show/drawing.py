@@ -1,7 +1,5 @@
 """Validated inputs for drawing a result."""
 
-from __future__ import annotations
-
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -65,8 +63,7 @@ def naming_missing_library() -> Generator[None, None, None]:
     try:
         yield
     except ModuleNotFoundError as missing:
-        message = f"drawing needs {missing.name}; pip install 'cgroup[scans]'"
-        raise InputError(message) from missing
+        raise InputError(f"drawing needs {missing.name}; pip install 'cgroup[scans]'") from missing
 
 
 def as_points(name: str, cloud: Any) -> FloatArray:  # noqa: ANN401 - a cloud of any kind

@@ -1,7 +1,5 @@
 """Notebook tables of results in HTML and SVG, for light and dark pages."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from html import escape
 

@@ -1,7 +1,5 @@
 """Numbers, lengths and poses as text."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -89,8 +89,7 @@ class Config(Table):
         for entry in self.experiment:
             for at in itertools.product([entry.id], entry.dataset, entry.combinations):
                 if fronts.setdefault(at, entry.front) != entry.front:
-                    message = f"experiment: {entry.id!r} has two fronts; give each an id of its own"
-                    raise InputError(message)
+                    raise InputError(f"experiment: {entry.id!r} has two fronts; give each an id of its own")
         trials = () if self.trials is None else (self.trials, *self.trials.sets)
         timing = () if self.timing is None else (self.timing,)
         tables = (self.methods, *(each.methods or () for each in (*self.experiment, *trials, *timing)))
@@ -170,11 +169,9 @@ def parse_config(text: str, name: str = "configuration") -> Config:
     try:
         return Config.model_validate(tomllib.loads(text))
     except ValidationError as error:
-        message = f"{name}: {_key_path(error.errors()[0]['loc'])}{_first_reason(error)}"
-        raise InputError(message) from error
+        raise InputError(f"{name}: {_key_path(error.errors()[0]['loc'])}{_first_reason(error)}") from error
     except (ValueError, RecursionError, OverflowError) as error:
-        message = f"{name}: not TOML: {error}"
-        raise InputError(message) from error
+        raise InputError(f"{name}: not TOML: {error}") from error
 
 
 def _first_reason(error: ValidationError) -> str:

@@ -23,9 +23,7 @@ from typing import Any, TypeAlias
 from cgroup._runtime.cluster import WorkersDiedError, reach_cluster, work_on_cluster
 from cgroup.errors import InputError
 
-ALL_CORES = 0
-"""A number of threads."""
-
+ALL_CORES = 0  # a number of threads
 START = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
     "from cgroup.benchmark.engine import work; work(int(sys.argv[2]))"
@@ -36,9 +34,8 @@ _LENGTH = struct.Struct("<Q")
 
 BACKENDS = ("processes", "dask", "threading")
 
+# Environment variable that Dask, too, takes the scheduler's address from
 SCHEDULER = "DASK_SCHEDULER_ADDRESS"
-"""Environment variable that Dask, too, takes the scheduler's address from."""
-
 TaskArguments: TypeAlias = tuple[Any, ...]
 CallUnordered: TypeAlias = Callable[
     [Callable[..., Any], Iterable[TaskArguments], float | None], Iterator[tuple[TaskArguments, Any]]

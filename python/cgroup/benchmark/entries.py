@@ -15,11 +15,9 @@ from cgroup.errors import InputError
 from cgroup.evaluation.protocols import PROTOCOLS
 from cgroup.registry import METHODS, PAPER_METHODS, PRESETS
 
+# Names that stand for several methods: the nine of the paper, and all that exist
 METHOD_SETS = {"paper": PAPER_METHODS, "all": tuple(METHODS)}
-"""Names that stand for several methods: the nine of the paper, and all that exist."""
-
-FEWEST = 4
-"""Generated problems with 1 to 3 correct matches are left out: these fix no pose."""
+FEWEST = 4  # generated problems with 1 to 3 correct matches are left out: these fix no pose
 
 
 class Table(BaseModel):
@@ -45,8 +43,7 @@ def _expand_method_sets(value: object) -> object:
 def _one_of(choices: Iterable[str], what: str = "one of ") -> AfterValidator:
     def check(value: str) -> str:
         if value not in choices:
-            message = f"got {value!r}; choose {what}{', '.join(filter(None, choices))}"
-            raise InputError(message)
+            raise InputError(f"got {value!r}; choose {what}{', '.join(filter(None, choices))}")
         return value
 
     return AfterValidator(check)
@@ -156,14 +153,11 @@ class ExperimentEntry(PairsEntry):
     @model_validator(mode="after")
     def _fits(self) -> "ExperimentEntry":
         if self.nuisance and self.sweep:
-            message = "nuisance, sweep: the levels can belong to one of them only"
-            raise InputError(message)
+            raise InputError("nuisance, sweep: the levels can belong to one of them only")
         if bool(self.levels) != bool(self.nuisance or self.sweep):
-            message = "levels: needed with a nuisance or a sweep, and only there"
-            raise InputError(message)
+            raise InputError("levels: needed with a nuisance or a sweep, and only there")
         if self.sweep and min(self.levels) <= 0:
-            message = f"levels: got {min(self.levels)}; a radius is greater than 0"
-            raise InputError(message)
+            raise InputError(f"levels: got {min(self.levels)}; a radius is greater than 0")
         return self
 
 
@@ -235,11 +229,9 @@ class TrialSetEntry(UnrelatedSetEntry):
     @model_validator(mode="after")
     def _fits(self) -> "TrialSetEntry":
         if bool(self.dataset) == bool(self.grid):
-            message = "dataset, grid: give one of the two"
-            raise InputError(message)
+            raise InputError("dataset, grid: give one of the two")
         if self.voxel is not None and self.matches not in DENSE_MATCHES:
-            message = f"voxel: only for dense matches: {', '.join(DENSE_MATCHES)}"
-            raise InputError(message)
+            raise InputError(f"voxel: only for dense matches: {', '.join(DENSE_MATCHES)}")
         return self
 
 
@@ -269,8 +261,7 @@ class RegistrationEntry(Table):
     def _fits(self) -> "RegistrationEntry":
         labels = _refuse_twins(self.sets, self.pipelines, "pipelines")
         for label in (label for each in self.sets for label in each.without if label not in labels):
-            message = f"sets: without {label!r}, but the pipelines are {', '.join(labels)}"
-            raise InputError(message)
+            raise InputError(f"sets: without {label!r}, but the pipelines are {', '.join(labels)}")
         return self
 
 
@@ -308,6 +299,5 @@ def _refuse_twins(sets: Sequence[SetEntry], solvers: Sequence[MethodEntry], what
     checks = (("sets", [each.id for each in sets], "each an id"), (what, labels, "each variant a label"))
     for names, given, wanted in checks:
         if len(set(given)) < len(given):
-            message = f"{names}: {', '.join(given)}; give {wanted} of its own"
-            raise InputError(message)
+            raise InputError(f"{names}: {', '.join(given)}; give {wanted} of its own")
     return labels

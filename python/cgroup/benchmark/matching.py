@@ -25,14 +25,7 @@ from cgroup.fronts.matching import match_both_ways, take_matches
 from cgroup.fronts.paper_front import common_resolution, correspond_by
 from cgroup.fronts.scan import as_scan, usable_normals
 from cgroup.nuisances import apply_nuisance
-from cgroup.registration import (
-    DenseFront,
-    DescribedCloud,
-    Normals,
-    PaperFront,
-    correspond,
-    surface_normals,
-)
+from cgroup.registration import DenseFront, DescribedCloud, Normals, PaperFront, correspond, surface_normals
 from cgroup.registration.prepare import UNIT
 from cgroup.rigid import check_rigid
 from cgroup.types import Correspondences, PointCloud

@@ -10,8 +10,7 @@ from cgroup.errors import InputError
 from cgroup.evaluation.metrics import harmonic_mean, score_counts
 from cgroup.evaluation.protocols import PROTOCOL_PREFIX
 
-FITTED_FROM = 2000
-"""Exponents are fitted to sets of at least this many matches."""
+FITTED_FROM = 2000  # exponents are fitted to sets of at least this many matches
 
 
 def add_scores(frame: pd.DataFrame) -> None:
@@ -61,8 +60,7 @@ def aggregate(
     [['gtm', 2]]
     """
     if how not in {"macro", "pooled", "median"}:
-        message = f"how: got {how!r}; choose 'macro', 'pooled' or 'median'"
-        raise InputError(message)
+        raise InputError(f"how: got {how!r}; choose 'macro', 'pooled' or 'median'")
     protocols = [name for name in frame.columns if name.startswith(PROTOCOL_PREFIX)]
     good = frame[frame["error"] == ""].astype(dict.fromkeys(["registered", *protocols], float))
     groups = good.groupby(list(by), sort=True, dropna=False, observed=True)

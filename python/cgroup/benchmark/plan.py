@@ -86,8 +86,7 @@ def make_plan(config: Config, root: Path | None) -> Plan:
     missing = dict(opened.missing)
     if not opened.found and not any(each.problems for each in planned):
         name, why = next(iter(missing.items()))
-        remedy = f"all data sets are missing; {name}: {why}"
-        raise InputError("data", remedy=remedy)
+        raise InputError("data", remedy=f"all data sets are missing; {name}: {why}")
     facts = tuple(_describe(name, found, planned) for name, found in opened.found.items())
     if config.timing is not None:
         planned.append(_plan_timing(config, config.timing, opened))
@@ -138,8 +137,7 @@ class _OpenDatasets:
         known = {*pairs, *self.found[name].lacking_pairs()}
         unknown = [pair for pair in wanted if pair not in known]
         if unknown:
-            message = f"{entry.id}: {name} has no pair {unknown[0]!r}; the first is {pairs[0]!r}"
-            raise InputError(message)
+            raise InputError(f"{entry.id}: {name} has no pair {unknown[0]!r}; the first is {pairs[0]!r}")
         return [pair for pair in wanted if pair in pairs]
 
 
@@ -237,11 +235,9 @@ def _plan_timing(config: Config, timing: TimingEntry, opened: _OpenDatasets) -> 
     name = next(filter(opened.open, timing.dataset), None)
     if name is None:
         reasons = "; ".join(f"{name}: {opened.missing[name]}" for name in timing.dataset)
-        message = f"timing: all data sets are missing; {reasons}"
-        raise InputError(message)
+        raise InputError(f"timing: all data sets are missing; {reasons}")
     if opened.found[name].role == "correspondences":
-        message = f"timing: {name} consists of correspondences; sets of several sizes need clouds"
-        raise InputError(message)
+        raise InputError(f"timing: {name} consists of correspondences; sets of several sizes need clouds")
     pair = timing.pair if timing.pair is not None else opened.pairs[name][0]
     problems = tuple(
         Problem("timing", name, pair, size=size, repeats=timing.repeats, seed=config.seed)
@@ -261,6 +257,5 @@ def _describe(name: str, dataset: Dataset, planned: Iterable[PlannedSet]) -> Dat
     used = {problem.pair for each in planned for problem in each.problems if problem.dataset == name}
     pairs = {pair: (dataset.origin_of(pair), dataset.protocols_of(pair)) for pair in sorted(used)}
     for unknown in (each for _, names in pairs.values() for each in names if each not in PROTOCOLS):
-        message = f"{dataset.name}: unknown protocol {unknown!r}; choose from {', '.join(PROTOCOLS)}"
-        raise InputError(message)
+        raise InputError(f"{dataset.name}: unknown protocol {unknown!r}; choose from {', '.join(PROTOCOLS)}")
     return DatasetFacts(name, dataset.title, dataset.role, dataset.origin, dataset.citation, pairs)

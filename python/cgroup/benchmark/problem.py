@@ -41,20 +41,14 @@ DENSE_MATCHES = ("nearest", "mutual", "three nearest", "nearest, unit length")
 """How voxels are matched by FPFH: with the nearest, if each is nearest to the other, with the three nearest,
 or with the nearest by descriptors of unit length, as in published results on 3DMatch."""
 
-READY_MADE = ""
-"""In place of a combination, for data sets of correspondences."""
-
+READY_MADE = ""  # in place of a combination, for data sets of correspondences
+# What is asked of a problem; also the kinds of results
 Task: TypeAlias = Literal["experiment", "timing", "registration", "scenes", "matches"]
-"""What is asked of a problem; also the kinds of results."""
-
 Kind: TypeAlias = Literal["related", "mirrored", "mixed"]
 
-AND = " + "
-"""Separates the names of places whose scans are mixed."""
-
+AND = " + "  # separates the names of places whose scans are mixed
+# Largest number of source points in the overlap on which the error of a pose is measured
 OVERLAP_SAMPLE = 1000
-"""Largest number of source points in the overlap on which the error of a pose is measured."""
-
 _CANDIDATES_PER_SAMPLE = 5  # source points tried per point of the sample
 _PAIRS_KEPT = 2  # loaded pairs that a worker keeps: its next task often needs one of them
 
@@ -151,10 +145,9 @@ class Problem:
         truth = pair.T_target_source if self.kind == "related" else None
         if isinstance(pair, CorrespondencePair):
             if self.task == "registration":
-                message = (
+                raise InputError(
                     f"{self.dataset}: {self.pair} consists of correspondences; registration needs clouds"
                 )
-                raise InputError(message)
             return LoadedProblem(pair, None, truth)
         if self.kind != "mixed":
             return LoadedProblem(pair, pair if self.kind == "related" else mirror(pair), truth)
@@ -168,8 +161,7 @@ class Problem:
 def known_resolution(resolution: float | None) -> float:
     """Return the resolution; raise `InputError` for None."""
     if resolution is None:
-        message = "correspondences without a resolution; thresholds in pr need one"
-        raise InputError(message)
+        raise InputError("correspondences without a resolution; thresholds in pr need one")
     return resolution
 
 

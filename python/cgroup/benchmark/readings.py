@@ -55,8 +55,7 @@ def apply_readings(tables: dict[str, Any], names: Iterable[str]) -> dict[str, An
     known = {reading.name: reading for question in read_questions() for reading in question.readings}
     for name in names:
         if name not in known:
-            message = f"reading: got {name!r}; choose from {', '.join(known)}"
-            raise InputError(message)
+            raise InputError(f"reading: got {name!r}; choose from {', '.join(known)}")
         experiments = [part for entry in tables["experiment"] for part in _split(entry, known[name])]
         tables = {**tables, "name": f"{tables['name']}+{name}", "experiment": experiments}
         for table in (tables, *experiments, tables.get("timing") or {}):

@@ -19,14 +19,11 @@ from cgroup.benchmark.problem import Problem
 from cgroup.benchmark.solver import Solver
 from cgroup.types import OPTIONAL_FIELDS, BoolArray, Correspondences, FloatArray, RealArray
 
+# Error of a task that ended its process
 KILLED = "WorkerKilled: the process that worked on it died, perhaps out of memory"
-"""Error of a task that ended its process."""
-
-OUT_OF_TIME = "OutOfTime"
-"""First word of the error of a solver that exceeded its limit."""
-
+OUT_OF_TIME = "OutOfTime"  # first word of the error of a solver that exceeded its limit
+# Errors of a pose: in degrees, in the data's unit, and the mean displacement over the overlap in pr
 ERRORS = ("rotation_error", "translation_error", "rmse_pr")
-"""Errors of a pose: in degrees, in the data's unit, and the mean displacement over the overlap in pr."""
 
 
 @dataclass(frozen=True)

@@ -31,17 +31,13 @@ from cgroup.benchmark.store import RECORDS, Counts, Store, only_writer, report_f
 from cgroup.io.result_folders import make_folder
 
 Progress: TypeAlias = Callable[[str, int, int], Any]
+# Numbers of matches on which a method ran out of time, by method and set
 Slow: TypeAlias = defaultdict[tuple[object, ...], list[int]]
-"""Numbers of matches on which a method ran out of time, by method and set."""
-
 __all__ = ["run"]
 
-GIVEN_UP = 2
-"""Calls of a method that ran out of time, after which it isn't run on as many matches or more."""
-
+GIVEN_UP = 2  # calls of a method that ran out of time, after which it isn't run on as many matches or more
+# Expected growth of the seconds with n in the timing, while only one size has been timed
 UNKNOWN_EXPONENT = 2.0
-"""Expected growth of the seconds with n in the timing, while only one size has been timed."""
-
 # Of one pair to a worker, which then loads it once; they are lost if the run is killed meanwhile.
 _PROBLEMS_AT_ONCE = 4
 

@@ -23,9 +23,8 @@ from cgroup.types import OPTIONAL_FIELDS, Correspondences, Grouping
 
 SolverKind: TypeAlias = Literal["method", "pipeline", "scene solver"]
 
+# Suffix of options that are lengths in pr; the method gets them without it, in the data's unit
 IN_RESOLUTIONS = "_pr"
-"""Suffix of options that are lengths in pr; the method gets them without it, in the data's unit."""
-
 _FIELDS = ("source", "target", *OPTIONAL_FIELDS)
 _OTHERWISE = ", or give module:function"
 _BUILT_IN = {"pipeline": PIPELINES, "scene solver": SCENE_SOLVERS}
@@ -63,11 +62,10 @@ class Solver:
         result = _find("method", self.name)(matches, **options)
         found = result if isinstance(result, Grouping) else Grouping(np.asarray(result), None, None, None, {})
         if found.mask.dtype != bool or found.mask.shape != (len(matches),):
-            message = (
+            raise InputError(
                 f"{self.name}: returned {found.mask.dtype} of shape {found.mask.shape}; "
                 f"return a Grouping or a mask of {len(matches)} bool"
             )
-            raise InputError(message)
         return replace(found, _positions=(matches.source, matches.target))
 
     def parameters(self, seed: int, resolution: float | None) -> dict[str, Any]:
@@ -76,8 +74,7 @@ class Solver:
         for name, value in json.loads(self.options).items():
             bare = name.removesuffix(IN_RESOLUTIONS)
             if bare != name and resolution is None:
-                message = f"{name}: a length in pr needs a resolution, and none is known; give {bare}"
-                raise InputError(message)
+                raise InputError(f"{name}: a length in pr needs a resolution, and none is known; give {bare}")
             given[bare] = value if bare == name else value * resolution
         return {"seed": seed, **given} if "seed" in _method_options(self.name) else given
 
@@ -121,8 +118,7 @@ def make_solver(
     unknown = [option for option in given if option not in known]
     parameters = inspect.signature(_find(kind, name)).parameters.values()
     if unknown and not any(each.kind is inspect.Parameter.VAR_KEYWORD for each in parameters):
-        message = f"option: {name} has no {unknown[0]!r}; it takes {', '.join(known) or 'none'}"
-        raise InputError(message)
+        raise InputError(f"option: {name} has no {unknown[0]!r}; it takes {', '.join(known) or 'none'}")
     as_json = json.dumps(dict(options), sort_keys=True)
     return Solver(label or name, name, as_json, refined if kind == "pipeline" else None)
 
@@ -137,8 +133,7 @@ def _find(kind: SolverKind, name: str) -> Callable[..., Any]:
     if ":" in name:
         function = load_plugin(kind, name)
         if not callable(function):
-            message = f"{kind}: {name} is a {type(function).__name__}; name a function"
-            raise InputError(message)
+            raise InputError(f"{kind}: {name} is a {type(function).__name__}; name a function")
         return function
     if kind == "method":
         return find_method(name, _OTHERWISE).function

@@ -39,12 +39,9 @@ from cgroup.rigid import apply, invert
 from cgroup.rigid.se3 import vector_of
 from cgroup.types import BoolArray, FloatArray, Grouping, RealArray
 
+# Most calls of a method on matches, and seconds after which a call is not repeated
 REPEATS, REPEATED_FOR = 3, 0.1
-"""Most calls of a method on matches, and seconds after which a call is not repeated."""
-
-SHORTEST = 0.02
-"""In the timing, shorter calls are repeated in a row, in seconds."""
-
+SHORTEST = 0.02  # in the timing, shorter calls are repeated in a row, in seconds
 _SCAN_VOXELS = 4500  # to which each scan of many is downsampled, about
 
 _STATUS, _CLEAR_REFS = Path("/proc/self/status"), Path("/proc/self/clear_refs")
@@ -62,8 +59,8 @@ class Outcome(NamedTuple):
     skipped: str = ""
 
 
+# Numbers of the problem itself, and a function that runs a solver on it
 Prepared: TypeAlias = tuple[dict[str, Any], Callable[[Solver], Outcome]]
-"""Numbers of the problem itself, and a function that runs a solver on it."""
 
 
 def solve(pending: Pending, given: Matched | bytes | None, root: str | None) -> list[Result]:

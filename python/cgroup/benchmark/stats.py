@@ -24,23 +24,12 @@ Test: TypeAlias = Callable[[ArrayLike, ArrayLike], float]
 
 __all__ = ["rank_methods"]
 
-RESAMPLES = 10_000
-"""Draws of the bootstrap."""
-
-LEVEL = 0.95
-"""Level of the intervals; a difference is significant if its p is below 1 - `LEVEL`."""
-
-ENDS = ((1 - LEVEL) / 2, 1 - (1 - LEVEL) / 2)
-"""Quantiles at the ends of the intervals."""
-
-LEAST_OBJECTS = 5
-"""Least number of objects of a data set for drawing objects instead of pairs."""
-
-REAL = "real and semi-synthetic"
-"""Pairs of real shapes, scanned or with a part that is simulated."""
-
-GENERATED = "synthetic"
-"""Pairs of generated shapes; the two kinds are ranked apart."""
+RESAMPLES = 10_000  # draws of the bootstrap
+LEVEL = 0.95  # level of the intervals; a difference is significant if its p is below 1 - `LEVEL`
+ENDS = ((1 - LEVEL) / 2, 1 - (1 - LEVEL) / 2)  # quantiles at the ends of the intervals
+LEAST_OBJECTS = 5  # least number of objects of a data set for drawing objects instead of pairs
+REAL = "real and semi-synthetic"  # pairs of real shapes, scanned or with a part that is simulated
+GENERATED = "synthetic"  # pairs of generated shapes; the two kinds are ranked apart
 
 
 class Interval(NamedTuple):

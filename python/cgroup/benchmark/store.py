@@ -21,9 +21,7 @@ from cgroup.benchmark.results import Matched, Pending, Result, pack
 from cgroup.benchmark.solver import Solver
 from cgroup.errors import InputError
 
-RECORDS = "records.sqlite"
-"""Name of the file in a run's folder."""
-
+RECORDS = "records.sqlite"  # name of the file in a run's folder
 _LARGEST_INTEGER = 2**63 - 1
 
 _FIELDS = [field.name for field in fields(Problem)]
@@ -61,9 +59,7 @@ create view wanted as
     group by problem, solver, t.value;
 """
 
-RECORDS_LAYOUT = Layout(0x63677270, 1, _SCHEMA)
-"""Its `application_id` is "cgrp"."""
-
+RECORDS_LAYOUT = Layout(0x63677270, 1, _SCHEMA)  # its `application_id` is "cgrp"
 # Problems of experiments are sorted by pair, so that a worker loads it once.
 _PENDING = f"""
 select {_PROBLEM}, w.threads, w.entry, w.time_limit, w.epsilons, coalesce(r.epsilons, '[]'), w.solver
@@ -156,11 +152,10 @@ def open_records(path: Path | str) -> Generator[sqlite3.Connection, None, None]:
             RECORDS_LAYOUT.check(connection, foreign_records(file))
             yield connection
     except sqlite3.Error as error:
-        message = (
+        raise InputError(
             f"{file}: not a file of records, or one that can't be read ({error}); the next run computes all "
             "results again"
-        )
-        raise InputError(message) from error
+        ) from error
 
 
 def _absent(path: Path) -> InputError:

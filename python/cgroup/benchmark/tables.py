@@ -36,9 +36,7 @@ order by e.entry, l.place, """
 _ORDERS = {"registration": "p.dataset, p.pair, p.kind, p.other"}
 _ORDER = "q.place, t.value"
 
-_FLOATS = ("level", "nms_radius", "voxel", "epsilon", "seconds")
-"""Columns of numbers that may all be missing."""
-
+_FLOATS = ("level", "nms_radius", "voxel", "epsilon", "seconds")  # columns of numbers that may all be missing
 _TEXTS = ("protocols", "definition", "numbers")
 _GROUPS: dict[str, Any] = {
     **dict.fromkeys(("n", "correct"), 0),
@@ -136,8 +134,7 @@ def load(path: Path | str, kind: Task = "experiment") -> pd.DataFrame:
     [['gtm', 1000, 20], ['gtm', 1000, 99]]
     """
     if kind not in _MEASURES:
-        message = f"kind: got {kind!r}; choose one of {', '.join(_MEASURES)}"
-        raise InputError(message)
+        raise InputError(f"kind: got {kind!r}; choose one of {', '.join(_MEASURES)}")
     frame = _load(as_path("path", path), kind)
     if kind == "timing":
         frame = frame[(frame["skipped"] == "") & (frame["error"] == "")]
@@ -306,8 +303,7 @@ def load_groups(path: Path | str, case: str) -> tuple[Correspondences, FloatArra
         row = connection.execute("select content from matches where problem = ?", (case,)).fetchone()
         rows = connection.execute(statement, (case,)).fetchall()
     if row is None:
-        message = f"{path}: no records of the case {case}; use one from the column `case` of `load`"
-        raise InputError(message)
+        raise InputError(f"{path}: no records of the case {case}; use one from the column `case` of `load`")
     try:
         found = unpack(row[0])
     except Exception as error:

@@ -1,7 +1,5 @@
 """Bologna 3D Retrieval: complete models against complete, noisy copies."""
 
-from __future__ import annotations
-
 import configparser
 from pathlib import Path
 from typing import ClassVar, NamedTuple
@@ -75,8 +73,7 @@ class B3RClean(FileDataset[_Entry]):
         lowest = self._published_scene(entry)
         if len(lowest) != len(model):
             counts = f"{len(lowest)} vertices, its model {len(model)}"
-            message = f"{self._folder}: scene {entry.number} has {counts}"
-            raise InputError(message)
+            raise InputError(f"{self._folder}: scene {entry.number} has {counts}")
         clean = apply(pose, model.points)
         points = clean + entry.noise / NOISE_LEVELS[0] * (lowest.points - clean)
         return PointCloud(points, faces=model.faces)
@@ -118,8 +115,7 @@ def _read_config(path: Path) -> configparser.ConfigParser:
         for section, key in (("MODELS", "MODEL_0"), ("MODELS", "MODEL_0_GROUNDTRUTH"), ("SCENE", "PATH")):
             config[section][key]
     except (OSError, UnicodeDecodeError, configparser.Error, KeyError) as error:
-        message = f"{path}: not a readable scene configuration ({error})"
-        raise InputError(message) from error
+        raise InputError(f"{path}: not a readable scene configuration ({error})") from error
     return config
 
 

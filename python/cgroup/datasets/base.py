@@ -257,8 +257,7 @@ class Dataset(ABC):
             message = f"{self.name}: the pair {name!r} needs {self.lacking_pairs()[name]}, which isn't there"
             raise InputError(message)
         if name not in names:
-            message = f"{self.name}: has no pair {name!r}; it has {len(names)}, such as {names[0]!r}"
-            raise InputError(message)
+            raise InputError(f"{self.name}: has no pair {name!r}; it has {len(names)}, such as {names[0]!r}")
 
 
 def mixed_names(dataset: Dataset) -> list[tuple[str, str]]:
@@ -351,8 +350,7 @@ def measure_clutter(model: PointCloud, scene: PointCloud, T_scene_model: FloatAr
 def faces_of(cloud: PointCloud) -> IndexArray:
     """Return the faces of a model or scene; raise `InputError` without faces."""
     if cloud.faces is None:
-        message = "a model or scan has no faces; clutter and normals need meshes"
-        raise InputError(message)
+        raise InputError("a model or scan has no faces; clutter and normals need meshes")
     return cloud.faces
 
 
@@ -379,10 +377,9 @@ def fitting_pose(
     shares = [float(within(apply(T, sample), target.points, near).mean()) for T in candidates]
     best = int(np.argmax(shares))
     if shares[best] < MIN_FITTING:
-        message = (
+        raise InputError(
             f"{origin}: neither the pose nor its inverse aligns the source with the target (only "
             f"{shares[0]:.1%} and {shares[1]:.1%} of the points come near it); is it the pose of another "
             "pair, or unit?"
         )
-        raise InputError(message)
     return candidates[best]

@@ -1,7 +1,5 @@
 """Matches, LiDAR scans and range views with a pose, published with the code of registration methods."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import NamedTuple
 
@@ -206,8 +204,7 @@ class _FGRPairs(FileDataset[Path]):
         target, source = (read_cloud(folder / file) for file in _CLOUDS)
         pose = read_log(folder / "gt.log").get((0, 1))
         if pose is None:
-            message = f"{folder / 'gt.log'}: has no pose of cloud 1 in the frame of cloud 0"
-            raise InputError(message)
+            raise InputError(f"{folder / 'gt.log'}: has no pose of cloud 1 in the frame of cloud 0")
         return source, target, pose
 
 
@@ -268,8 +265,7 @@ def _mutual(path: Path) -> tuple[IndexArray, IndexArray, FloatArray]:
         ratio = arrays["ratio1"].astype(np.float64)
         rows = np.flatnonzero(backward[forward] == np.arange(len(forward)))
     except (ValueError, IndexError) as error:
-        message = f"{path}: not nearest neighbours of features both ways ({error})"
-        raise InputError(message) from error
+        raise InputError(f"{path}: not nearest neighbours of features both ways ({error})") from error
     return rows, forward[rows], ratio[rows]
 
 

@@ -1,7 +1,5 @@
 """Data sets in files, the folder that holds them, and its manifest."""
 
-from __future__ import annotations
-
 import os
 from abc import abstractmethod
 from collections.abc import Iterable
@@ -49,8 +47,7 @@ class FileDataset(Dataset, Generic[Entry]):
             return root
         if not path.is_dir():
             got = f"{path}: no such folder, so {self.title} isn't there"
-            message = f"{got}; get it from {self.url} (docs/datasets.md)"
-            raise InputError(message)
+            raise InputError(f"{got}; get it from {self.url} (docs/datasets.md)")
         return path
 
     @abstractmethod
@@ -101,16 +98,14 @@ def data_root(given: Path | str | None = None) -> Path:
     """
     value = given if given is not None else os.environ.get("CGROUP_DATA")
     if not value:
-        message = (
+        raise InputError(
             "no folder with data: give one, or set CGROUP_DATA to it; docs/datasets.md lists the contents "
             "and the sources. The data sets named standin-... need none"
         )
-        raise InputError(message)
     root = Path(value)
     if not root.is_dir():
         source = "" if given is not None else " (from CGROUP_DATA)"
-        message = f"{root}: no such folder{source}; give the one that holds the data sets' folders"
-        raise InputError(message)
+        raise InputError(f"{root}: no such folder{source}; give the one that holds the data sets' folders")
     return root
 
 
@@ -122,9 +117,7 @@ def manifest_pairs(root: Path, dataset: str) -> list[dict[str, Any]]:
     try:
         entries: Any = load_json(load_text(path))
     except ValueError as error:
-        message = f"{path}: not a readable manifest ({error})"
-        raise InputError(message) from error
+        raise InputError(f"{path}: not a readable manifest ({error})") from error
     if not isinstance(entries, dict) or not isinstance(entries.get(dataset, {}), dict):
-        message = f"{path}: has to be an object with one object per data set"
-        raise InputError(message)
+        raise InputError(f"{path}: has to be an object with one object per data set")
     return entries[dataset]["pairs"] if entries.get(dataset) else []

@@ -226,10 +226,9 @@ def read_recipe(name: str) -> Recipe:
     """Parse the name of a pair; raise `InputError` for another form."""
     found = _NAME.fullmatch(name)
     if found is None or found["scene"] not in SCENES or found["frames"] not in FRAMES:
-        message = (
+        raise InputError(
             f"{GeneratedMatches.name}: has no pair {name!r}; names are like {Recipe().name!r}, with a scene "
             f"of {', '.join(SCENES)} and frames {', '.join(FRAMES)}"
         )
-        raise InputError(message)
     scene, n, inliers, noise, frames, number = found.groups()
     return Recipe(scene, int(n), float(inliers), float(noise), frames, int(number))

@@ -1,7 +1,5 @@
 """KITTI's odometry sequences: pairs of LiDAR scans some 10 m apart, the usual registration benchmark."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import NamedTuple
 
@@ -115,8 +113,7 @@ def _read_poses(path: Path) -> FloatArray:
     try:
         return _as_poses(parse_file(path, load_numbers))
     except ValueError as error:
-        message = f"{path}: not a list of poses, 12 numbers a line ({error})"
-        raise InputError(message) from error
+        raise InputError(f"{path}: not a list of poses, 12 numbers a line ({error})") from error
 
 
 def _read_calibration(path: Path) -> FloatArray:
@@ -125,8 +122,7 @@ def _read_calibration(path: Path) -> FloatArray:
         name, _, numbers = line.partition(":")
         if name == "Tr":
             return _as_poses(np.array(numbers.split(), dtype=float)[None])[0]
-    message = f"{path}: has no line that begins with Tr:"
-    raise InputError(message)
+    raise InputError(f"{path}: has no line that begins with Tr:")
 
 
 def _as_poses(rows: FloatArray) -> FloatArray:

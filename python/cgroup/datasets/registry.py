@@ -1,7 +1,5 @@
 """Data sets by name."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -100,8 +100,7 @@ def read_fragments(folder: Path) -> ScanSet:
     names = [name for name in dataset.pair_names() if dataset.subject_of(name) == folder.name]
     pairs = {name: tuple(map(int, name.split("/")[-1].split("-"))) for name in names}
     if not pairs:
-        message = f"{folder}: no poses of this scene; put its gt.log into {folder}-evaluation"
-        raise InputError(message)
+        raise InputError(f"{folder}: no poses of this scene; put its gt.log into {folder}-evaluation")
     poses: dict[int, FloatArray] = {}
     scans: dict[int, FloatArray] = {}
     while reached := next(
@@ -144,8 +143,7 @@ def find_scan_set(name: str, root: Path | None) -> Callable[[], ScanSet]:
     ):
         if any(folder.glob(pattern)):
             return partial(read, folder)
-    message = f"{folder}: no scans with poses: no set.json, no .conf file, no cloud_bin_* of 3DMatch"
-    raise InputError(message)
+    raise InputError(f"{folder}: no scans with poses: no set.json, no .conf file, no cloud_bin_* of 3DMatch")
 
 
 def _read(path: Path) -> FloatArray:

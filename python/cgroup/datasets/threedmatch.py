@@ -1,7 +1,5 @@
 """3DMatch and 3DLoMatch: pairs of fragments of indoor scans."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import ClassVar, NamedTuple
 

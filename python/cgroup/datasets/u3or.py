@@ -1,7 +1,5 @@
 """UWA 3D Object Recognition: complete models in range scans of four or five toys."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import NamedTuple
@@ -128,8 +126,7 @@ class U3OR(FileDataset[_Posed]):
             posed.append(Mesh(cloud.points, faces_of(cloud)).move(read_transform(path)))
             if posed[-1].vertices[:, 2].max() >= 0:
                 got = f"{path}: this pose puts the model behind the scanner"
-                message = f"{got}; it has to be model to scene, in mm"
-                raise InputError(message)
+                raise InputError(f"{got}; it has to be model to scene, in mm")
         return range_image(merge(posed), step=PIXEL, offset=np.array([1.0, 1.0]), two_sided=True)
 
     def _has_scan(self, number: int) -> bool:
@@ -152,6 +149,5 @@ def _published_occlusions(folder: Path) -> dict[tuple[int, str], float]:
     try:
         published = {(int(scene), _OCCLUSION_NAMES[item]): float(share) / 100 for scene, item, share in rows}
     except (KeyError, ValueError) as error:
-        message = f"{path}: a line isn't `scene object percent` ({error})"
-        raise InputError(message) from error
+        raise InputError(f"{path}: a line isn't `scene object percent` ({error})") from error
     return {pair: share for pair, share in published.items() if pair not in _EARLIER_POSES}

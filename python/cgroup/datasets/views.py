@@ -3,8 +3,6 @@
 Stanford's take the place of UWA 3D Modeling's, whose poses are not published.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -130,8 +128,7 @@ def _read_configuration(path: Path) -> tuple[dict[str, _View], list[str]]:
         try:
             numbers = np.array([float(word) for word in words[2:]])
         except ValueError as error:
-            message = f"{path}: can't read the pose in the line {line!r}"
-            raise InputError(message) from error
+            raise InputError(f"{path}: can't read the pose in the line {line!r}") from error
         pose = np.eye(4)  # Stanford's quaternions turn the other way round
         pose[:3, :3] = turn(*(numbers[3:] / np.linalg.norm(numbers[3:]))).T
         pose[:3, 3] = numbers[:3]
@@ -211,10 +208,8 @@ def _read_list(path: Path) -> Iterator[_PosedFiles]:
         try:
             pose = np.array([float(word) for word in words[2:]])
         except ValueError as error:
-            message = f"{where}: {error}; give two file names and 16 numbers"
-            raise InputError(message) from error
+            raise InputError(f"{where}: {error}; give two file names and 16 numbers") from error
         if len(words) != 18:
-            message = f"{where}: has {len(words)} words; give two file names and 16 numbers"
-            raise InputError(message)
+            raise InputError(f"{where}: has {len(words)} words; give two file names and 16 numbers")
         source, target = (path.parent / word for word in words[:2])
         yield _PosedFiles(source, target, check_rigid(pose.reshape(4, 4), where))

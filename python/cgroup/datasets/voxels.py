@@ -1,7 +1,5 @@
 """One point per occupied grid cell."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from cgroup.types import FloatArray

@@ -1,7 +1,5 @@
 """The paper's levels of clutter, occlusion and overlap."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 
@@ -23,11 +21,10 @@ class Bins:
     rule: Literal["nearest", "from"]
 
 
+# The paper's, section 4.3.
 CLUTTER = Bins((0.65, 0.70, 0.75, 0.80, 0.85, 0.90, 0.95), "nearest")
 OCCLUSION = Bins((0.60, 0.65, 0.70, 0.75, 0.80, 0.85, 0.90), "nearest")
 OVERLAP = Bins((0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9), "from")
-"""The paper's, section 4.3."""
-
 LEAST_PAIRS = 5  # least number of pairs of a level; the mean of fewer is unreliable
 _ROUNDING = 1e-9  # 0.7 read from a file belongs to the level 0.7
 

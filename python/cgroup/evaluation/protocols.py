@@ -3,8 +3,6 @@
 3DMatch's own criterion, an RMSE below 0.2 m by ``gt.info``, is not among these; ``cgroup evaluate`` has both.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

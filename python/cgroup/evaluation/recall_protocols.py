@@ -3,8 +3,6 @@
 A protocol is a TOML file, such as those in ``evaluation/presets``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
@@ -147,8 +145,7 @@ def read_protocol(name: str) -> RecallProtocol:
         recalls = [Recall(**one) for one in table.pop("recall", ())]
         return RecallProtocol(recalls=recalls, **table)
     except (ValueError, TypeError, AttributeError, RecursionError, OverflowError) as error:
-        message = f"{name}: not a protocol: {error}"
-        raise InputError(message) from error
+        raise InputError(f"{name}: not a protocol: {error}") from error
 
 
 def score_poses(truth: PairPoses, found: PairPoses, *, inverse: bool = False) -> PairErrors:

@@ -4,8 +4,6 @@ A pair is the number of its target and of its source in a scene; its pose maps t
 frame, as ``i j`` of Redwood's logs does. Trajectories and graphs give the pairs of the truth.
 """
 
-from __future__ import annotations
-
 import csv
 import re
 from collections.abc import Iterable, Sequence
@@ -108,11 +106,9 @@ def read_results(path: Path, truth: PairPoses | None = None) -> list[PairPoses |
             key = name.removesuffix(_TAIL) or usual, i, j
             first = next((other for other in (key, (key[0], j, i)) if other in found), None)
             if first is not None:
-                message = f"{file}: pair {show_pair(key)} is there twice, first in {found[first]}"
-                raise InputError(message)
+                raise InputError(f"{file}: pair {show_pair(key)} is there twice, first in {found[first]}")
             if max(abs(i), abs(j)) >= _LARGEST_NUMBER:
-                message = f"{file}: a cloud's number has more than 15 digits; number clouds from 0"
-                raise InputError(message)
+                raise InputError(f"{file}: a cloud's number has more than 15 digits; number clouds from 0")
             found[key] = file
             matrices.append(refused if pose is None else pose)
     if not found:
@@ -131,8 +127,7 @@ def read_truth(path: Path) -> PairPoses:
     """Read true poses, and ``gt.info`` and ``gt_overlap.log`` beside a ``gt.log``."""
     known, *_ = read_results(path)
     if isinstance(known, PairErrors) or np.isnan(known.poses).any():
-        message = f"{path}: not a truth; give the true pose of every pair"
-        raise InputError(message)
+        raise InputError(f"{path}: not a truth; give the true pose of every pair")
     rows = {key: row for row, key in enumerate(known.keys)}
     information: FloatArray = np.broadcast_to(np.nan, (len(rows), 6, 6))  # takes no memory
     overlap = np.full(len(rows), np.nan)
@@ -206,8 +201,7 @@ def _pairs_among(
         if numbers[row] in placed or (truth is None and len(placed) == _MOST_CLOUDS):
             is_twice = numbers[row] in placed
             why = f"cloud {row} is there twice" if is_twice else f"more than {_MOST_CLOUDS} clouds"
-            message = f"{file}: {why}; list the pairs that count, each with its pose"
-            raise InputError(message)
+            raise InputError(f"{file}: {why}; list the pairs that count, each with its pose")
         if component is not None:
             check_rigid(pose, f"{file}: cloud {row}")
         placed[numbers[row]] = component, pose
@@ -288,8 +282,7 @@ def _read_csv(file: Path) -> _Pairs:
     try:
         yield from _rows_of_csv(file)
     except csv.Error as error:
-        message = f"{file}: not a table of poses ({error})"
-        raise InputError(message) from error
+        raise InputError(f"{file}: not a table of poses ({error})") from error
 
 
 def _rows_of_csv(file: Path) -> _Pairs:
@@ -301,8 +294,7 @@ def _rows_of_csv(file: Path) -> _Pairs:
     columns = _QUATERNION if {*_QUATERNION} <= {*names} else columns
     if not {"target", "source"} <= {*names} or len(columns) not in (7, 12, 16):
         wanted = "scene, target, source, and 12 columns t00 to t23, or tx ty tz qx qy qz qw"
-        message = f"{file}: not a table of poses; its first line has to name {wanted}"
-        raise InputError(message)
+        raise InputError(f"{file}: not a table of poses; its first line has to name {wanted}")
     for row in table:
         if table.restkey in row:
             message = f"{file}: line {table.line_num} has more cells than the first; quote those with commas"
@@ -341,8 +333,7 @@ def _read_json(file: Path) -> _Clouds | _Pairs:
         return [("", target, source, _matrix(done["T_target_source"]) if done["ok"] else None)]
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
         hint = error if isinstance(error, InputError) else "give what register or merge print by --json"
-        message = f"{file}: not a result of cgroup; {hint}"
-        raise InputError(message) from error
+        raise InputError(f"{file}: not a result of cgroup; {hint}") from error
 
 
 _READERS = {".log": _read_log, ".csv": _read_csv, ".npz": _read_npz, ".json": _read_json, ".g2o": _read_graph}
@@ -357,8 +348,7 @@ def _matrix(rows: list[list[float]]) -> FloatArray:
 def _last_number(name: str) -> int:
     found = re.findall(r"\d+", Path(name).stem)
     if not found:
-        message = f"no number in the name {escape(name)!r}, to identify the cloud"
-        raise InputError(message)
+        raise InputError(f"no number in the name {escape(name)!r}, to identify the cloud")
     return int(found[-1])
 
 

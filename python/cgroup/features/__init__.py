@@ -8,8 +8,6 @@ voxels and in meshes; a keypoint is the first row of those that coincide. Make a
 several steps. All functions but those of meshes take ``threads``; results do not depend on it.
 """
 
-from __future__ import annotations
-
 from cgroup.features.cloud import Cloud, CloudLike, resolution, within
 from cgroup.features.descriptors import DescribedCloud, fpfh, lfsh, rcs, shot, shot_lrf, toldi_lrf
 from cgroup.features.keypoints import SUPPORT_RADIUS, drop_isolated, harris3d, iss

@@ -1,7 +1,5 @@
 """Descriptors by Open3D, from the extra ``cgroup[open3d]``."""
 
-from __future__ import annotations
-
 import importlib
 from typing import Any
 
@@ -43,5 +41,4 @@ def _load() -> Any:  # noqa: ANN401 - Open3D has no types
     try:
         return importlib.import_module("open3d")
     except (ImportError, OSError) as error:
-        message = f"Open3D can't be imported ({error}); {HELP}"
-        raise CgroupError(message) from error
+        raise CgroupError(f"Open3D can't be imported ({error}); {HELP}") from error

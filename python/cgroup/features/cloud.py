@@ -62,10 +62,9 @@ class Places:
 class Cloud:
     """A point cloud, checked and indexed once for all functions of `cgroup.features`.
 
-    Each of them takes an array too, but then checks, centres and indexes it again. A `Cloud` keeps its
-    search tree, the neighbours within the last three radii, its own axes, and its resolution: up to 264 bytes
-    per point.
-    Results are identical to the bit. Threads may share a cloud.
+    Each of them takes an array too, but then checks, centres and indexes it again. A `Cloud` keeps its search
+    tree, the neighbours within the last three radii, its own axes, and its resolution: up to 264 bytes per
+    point. Results are identical to the bit. Threads may share a cloud.
 
     Parameters
     ----------
@@ -152,9 +151,7 @@ def _find_places(points: RealArray, core: _core.Cloud, name: str) -> Places:
 def resolution(points: CloudLike, *, ignore_zero: bool = False, threads: int | None = None) -> float:
     """Return the mean distance of a point to its nearest other point, the unit *pr*.
 
-    Points that coincide count once.
-
-    `threads` is as for `shot`.
+    Points that coincide count once. `threads` is as for `shot`.
 
     Parameters
     ----------

@@ -58,9 +58,7 @@ def shot_lrf(
 
     As PCL's ``SHOTLocalReferenceFrameEstimation``, after Tombari, Salti, Di Stefano, ECCV 2010. Axes are the
     eigenvectors of the scatter about the keypoint, neighbours weighted by ``radius - d``; x and z point to
-    the side of most neighbours. Cost O(m k), k points per ball.
-
-    Parameters are as for `shot`.
+    the side of most neighbours. Cost O(m k), k points per ball. Parameters are as for `shot`.
 
     Returns
     -------
@@ -91,9 +89,7 @@ def toldi_lrf(
 
     After Yang, Zhang, Xiao, Cao, Pattern Recognition 2017. z is the plane normal of the ball of a third of
     the radius, away from its points; x is a sum of the neighbours' projections weighted by nearness and
-    height. Cost O(m k), k points per ball.
-
-    Parameters are as for `shot`.
+    height. Cost O(m k), k points per ball. Parameters are as for `shot`.
 
     Returns
     -------
@@ -172,19 +168,12 @@ def shot(
 
 @explain_wrong_calls
 def lfsh(
-    points: CloudLike,
-    normals: ArrayLike,
-    keypoints: ArrayLike,
-    *,
-    radius: float,
-    threads: int | None = None,
+    points: CloudLike, normals: ArrayLike, keypoints: ArrayLike, *, radius: float, threads: int | None = None
 ) -> NDArray[np.float32]:
     """Return LFSH descriptors of 30 numbers: local feature statistics histograms.
 
     After Yang, Cao, Zhang, Information Sciences 2016. Histograms of local depth, horizontal distance from the
-    normal's axis, and angle between normals. Cost O(m k), k points per ball.
-
-    Parameters are as for `shot`.
+    normal's axis, and angle between normals. Cost O(m k), k points per ball. Parameters are as for `shot`.
 
     Returns
     -------
@@ -209,9 +198,7 @@ def rcs(
     """Return RCS descriptors of 72 numbers: rotational contour signatures.
 
     After Yang et al., CVIU 2017. The outline of the local surface in twelve directions, seen from six sides.
-    Needs no normals. Cost O(m k), k points per ball.
-
-    Parameters are as for `shot`.
+    Needs no normals. Cost O(m k), k points per ball. Parameters are as for `shot`.
 
     Returns
     -------
@@ -239,9 +226,7 @@ def fpfh(
     After Rusu, Blodow, Beetz, ICRA 2009, section III. Histograms of three angles between the normals of two
     points and the line that joins them; those of the neighbours are summed up, weighted by the inverse of
     their squared distance, and scaled to 100. Cost O(N k), k points per ball; for keypoints only what lies
-    around them is computed.
-
-    `points` and `threads` are as for `shot`.
+    around them is computed. `points` and `threads` are as for `shot`.
 
     Parameters
     ----------

@@ -24,12 +24,7 @@ SUPPORT_RADIUS = 15.0
 
 
 def length_or_multiple(
-    name: str,
-    given: float | None,
-    factor: float,
-    cloud: Places,
-    unit: float | None,
-    threads: int | None,
+    name: str, given: float | None, factor: float, cloud: Places, unit: float | None, threads: int | None
 ) -> float:
     """Return the length `given`, or `factor` times the resolution if it is None."""
     known = None if unit is None else as_length("resolution", unit)
@@ -58,10 +53,8 @@ def harris3d(
 
     As PCL's ``HarrisKeypoint3D``. With C the mean of ``n n^T`` over the normals within `radius`, the response
     is ``0.04 + det C - 0.04 (trace C)^2``, which is 0 on planes and edges and 1/27 at most. Keypoints are its
-    local maxima. Flat regions tie at 0 and all of them survive, as in PCL; a `threshold` of
-    1e-6 removes them. Cost O(N k), k points per ball.
-
-    `points` and `threads` are as for `shot`.
+    local maxima. Flat regions tie at 0 and all of them survive, as in PCL; a `threshold` of 1e-6 removes
+    them. Cost O(N k), k points per ball. `points` and `threads` are as for `shot`.
 
     Parameters
     ----------
@@ -137,9 +130,7 @@ def iss(
 
     As PCL's ``ISSKeypoint3D``, after Zhong, ICCV workshops 2009. Keypoints are local maxima of the smallest
     eigenvalue of a neighbourhood's scatter, where each eigenvalue is clearly smaller than the one before.
-    Cost O(N k), k points per ball.
-
-    Further parameters are as for `harris3d` and as for `shot`.
+    Cost O(N k), k points per ball. Further parameters are as for `harris3d` and as for `shot`.
 
     Parameters
     ----------

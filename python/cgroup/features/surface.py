@@ -32,9 +32,7 @@ def normals(
 
     Points that coincide count once. SHOT and LFSH depend on the side the normals point to. A viewpoint is
     right for a scan taken from it; for whole models use `mesh_normals`, or move the viewpoint along with the
-    model. Cost O(N log N), then O(N neighbors).
-
-    `points` and `threads` are as for `shot`.
+    model. Cost O(N log N), then O(N neighbors). `points` and `threads` are as for `shot`.
 
     Parameters
     ----------
@@ -70,10 +68,8 @@ def normals(
 def mesh_normals(points: CloudLike, faces: ArrayLike) -> FloatArray:
     """Return consistently oriented vertex normals of a mesh, weighted by area.
 
-    Faces are oriented consistently within every connected part: outwards if it is closed, else as most of
-    its area is wound. Cost O(F log F).
-
-    `points` are as for `shot`.
+    Faces are oriented consistently within every connected part: outwards if it is closed, else as most of its
+    area is wound. Cost O(F log F). `points` are as for `shot`.
 
     Parameters
     ----------

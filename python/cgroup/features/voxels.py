@@ -55,9 +55,7 @@ def voxel_downsample(
     """Replace the points in each cell of a regular grid by their mean.
 
     As Open3D's ``voxel_down_sample``: the grid begins half a cell below the least coordinates. Cost O(N log
-    N).
-
-    `threads` is as for `shot`.
+    N). `threads` is as for `shot`.
 
     Parameters
     ----------
@@ -105,9 +103,7 @@ def choose_voxel(*clouds: CloudLike, voxels: int = 5000, threads: int | None = N
 
     The smallest d 2^(k/16), d the longest diagonal and k a whole number, at which the clouds have at most
     `voxels` voxels on average and at least two distinct points per voxel. It grows with the clouds: it does
-    not depend on their unit. Cost O(N), a few times.
-
-    `threads` is as for `shot`.
+    not depend on their unit. Cost O(N), a few times. `threads` is as for `shot`.
 
     Parameters
     ----------

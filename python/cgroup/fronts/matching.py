@@ -1,7 +1,5 @@
 """Match described clouds, and propose poses from their matches."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -10,14 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cgroup import _core, features
-from cgroup._checks.arrays import (
-    as_direction,
-    as_faces,
-    as_place,
-    in_double,
-    real_normals,
-    real_points,
-)
+from cgroup._checks.arrays import as_direction, as_faces, as_place, in_double, real_normals, real_points
 from cgroup._checks.values import as_length, run_options
 from cgroup._runtime.workers import cached_property
 from cgroup.errors import InputError

@@ -5,8 +5,6 @@ A length (``tolerance`` and the like) is in the data's unit; its default is the 
 and docstrings are made from that, and ``__init__.pyi`` for type checkers (``tools/write_stubs.py``).
 """
 
-from __future__ import annotations
-
 from typing import Literal
 
 # Importing these declares the methods.

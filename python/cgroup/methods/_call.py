@@ -1,7 +1,5 @@
 """Calls of grouping methods: from checked arguments to the group."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from cgroup import _core

@@ -1,7 +1,5 @@
 """Functions of methods: parameters from the compiled core, texts from the files in this folder."""
 
-from __future__ import annotations
-
 import re
 import textwrap
 from collections.abc import Callable, Iterator, Mapping
@@ -153,8 +151,7 @@ def method(
 
     `notes` add to the meaning of a field (of both frames: "lrf"), of `max_memory` and of `max_seconds`; the
     method takes the last two if there is a note. `style` has the color and the marker, others are the
-    attributes of `MethodInfo`. The docstring lacks Parameters, and its Examples the imports and
-    the problem.
+    attributes of `MethodInfo`. The docstring lacks Parameters, and its Examples the imports and the problem.
     """
     fields, optional_fields, options = DESCRIBED[name]
     described = {each: MethodOption(*what) for each, what in options.items()}

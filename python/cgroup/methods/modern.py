@@ -1,7 +1,5 @@
 """Methods that came after the paper: those of other authors since 2020, and LC of this library."""
 
-from __future__ import annotations
-
 from cgroup.methods._declare import method
 
 _REFUSED = "A larger graph is refused."
@@ -156,7 +154,7 @@ def sc2pcr() -> None:
         "max_memory": "Where the graph of compatible pairs (n^2 / 8 bytes) is larger, only the "
         "correspondences that are compatible with the most others, as many as fit, give "
         'triangles: `Grouping.complete` is False, and ``diagnostics["vertices"]`` is their '
-        "number.",
+        "number."
     },
 )
 def turboreg() -> None:

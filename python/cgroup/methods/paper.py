@@ -1,7 +1,5 @@
 """The methods of Yang et al., TPAMI 2019: one by one (section 3.1), and together (section 3.2)."""
 
-from __future__ import annotations
-
 from cgroup.methods._declare import method
 
 _RECOMPUTED = "A larger matrix is recomputed row by row, with the same result."

@@ -6,8 +6,6 @@ A `Chart` has one or several `Panel`s, each with a `Series` per method.
 # Parts of matplotlib's methods are untyped. pandas ships no types, and guesses about it are often wrong.
 # pyright: reportUnknownMemberType=false
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal

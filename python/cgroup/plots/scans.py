@@ -3,8 +3,6 @@
 # Parts of matplotlib's methods are untyped.
 # pyright: reportUnknownMemberType=false
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

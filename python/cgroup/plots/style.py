@@ -6,8 +6,6 @@ are at least 13 apart from each other and 9 from the package's in CIEDE2000, als
 protanopia and tritanopia (Machado et al., 2009).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
@@ -86,10 +84,9 @@ CORRECT = "#009E73"
 WRONG = "#D55E00"  # wrong matches: vermilion
 MISSED = "#CC79A7"  # correct matches that were dropped: a reddish purple, of the same scheme
 GROUPED = "#0072B2"  # matches of a group where it isn't known which are correct
+# Clouds are shaded in these colours.
 SOURCE_TINT = (0.93, 0.83, 0.62)
 TARGET_TINT = (0.70, 0.80, 0.91)
-"""Clouds are shaded in these colours."""
-
 # Distances from none to the greatest: a part of matplotlib's viridis, lighter with every step.
 DISTANCE_COLORS = ("#414487", "#2f6c8e", "#21918c", "#2fb47c", "#7ad151", "#dfe318")
 ALONE = "#bcbcbc"  # points without a counterpart in the other cloud

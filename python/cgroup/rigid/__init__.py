@@ -13,11 +13,4 @@ from cgroup.rigid.transforms import (
     translation_error,
 )
 
-__all__ = [
-    "RIGID_TOLERANCE",
-    "apply",
-    "check_rigid",
-    "invert",
-    "rotation_error",
-    "translation_error",
-]
+__all__ = ["RIGID_TOLERANCE", "apply", "check_rigid", "invert", "rotation_error", "translation_error"]

@@ -1,7 +1,5 @@
 """The covariance of a pose in the conventions of other libraries."""
 
-from __future__ import annotations
-
 from typing import Literal, TypeAlias
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Small motions: a rotation vector, and the translation of a point."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from cgroup._checks.arrays import FloatArray

@@ -52,8 +52,7 @@ def invert(transform: FloatArray) -> FloatArray:
         return np.linalg.inv(_matrix("transform", transform)).astype(np.float64, copy=False)
     except np.linalg.LinAlgError as error:
         raise InputError(
-            "transform",
-            remedy="singular matrix, cannot be inverted; give a rigid transform",
+            "transform", remedy="singular matrix, cannot be inverted; give a rigid transform"
         ) from error
 
 

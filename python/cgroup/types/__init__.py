@@ -1,7 +1,5 @@
 """Inputs and outputs of grouping methods, and point clouds."""
 
-from __future__ import annotations
-
 from cgroup._checks.arrays import BoolArray, FloatArray, IndexArray, RealArray
 from cgroup.types.fields import OPTIONAL_FIELDS, Correspondences
 from cgroup.types.grouping import Agreement, Grouping, Rule

@@ -9,14 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cgroup._checks.arrays import (
-    RealArray,
-    as_reals,
-    real_candidates,
-    real_frames,
-    real_points,
-    real_vector,
-)
+from cgroup._checks.arrays import RealArray, as_reals, real_candidates, real_frames, real_points, real_vector
 from cgroup._checks.values import as_number
 from cgroup._show.drawing import plot
 from cgroup._show.notebook import result_table
@@ -96,8 +89,7 @@ _CHECKS: dict[str, Callable[..., Any]] = {
 class Correspondences:
     """Putative matches between two shapes; row i of every field is the same match.
 
-    The arrays are read-only copies: float32 if they were given so, else
-    float64.
+    The arrays are read-only copies: float32 if they were given so, else float64.
 
     Parameters
     ----------

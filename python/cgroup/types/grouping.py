@@ -10,12 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cgroup import _core
-from cgroup._checks.arrays import (
-    BoolArray,
-    FloatArray,
-    IndexArray,
-    RealArray,
-)
+from cgroup._checks.arrays import BoolArray, FloatArray, IndexArray, RealArray
 from cgroup._checks.hooks import call_hook
 from cgroup._checks.values import run_options
 from cgroup._show.drawing import plot
@@ -217,9 +212,7 @@ class Grouping:
         >>> source = np.random.default_rng(0).uniform(size=(50, 3))
         >>> gtm(source, source + [1.0, 2.0, 3.0]).transform().round(6) + 0.0
         array([[1., 0., 0., 1.],
-               [0., 1., 0., 2.],
-               [0., 0., 1., 3.],
-               [0., 0., 0., 1.]])
+               [0., 1., 0., 2.], [0., 0., 1., 3.], [0., 0., 0., 1.]])
         """
         if self._positions is None:
             raise InputError(_WITHOUT_POINTS.format("transform"))

@@ -5,8 +5,6 @@ scanner; a wrong pose that many matches support violates this. Lengths are in th
 scales every tolerance.
 """
 
-from __future__ import annotations
-
 from cgroup.verification.alignment import Alignment, FineSurface, align
 from cgroup.verification.schedule import Verification, score_poses, verify
 from cgroup.verification.surface import Place, Surface, places

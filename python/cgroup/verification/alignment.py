@@ -109,7 +109,6 @@ def align(
     Point-to-plane steps in both directions, with planes of the samples' own neighbourhoods: reach shrinks
     from 3 to 1.5 spacings, and residuals are weighted by Tukey's function at 4.685 times their robust
     deviation (Y. Chen and G. Medioni, *Object modelling by registration of multiple range images*, 1992).
-
     `threads` is as for `FineSurface`.
 
     Parameters

@@ -33,8 +33,7 @@ class Verification:
         Lead in ``ln score + 0.1 ln(1 + min(evidence, 20))`` over the best pose that differs by more than 10
         degrees or 20 units; infinite without a rival.
     fitness : float
-        Fraction of the source's points on the target's surface: within 2 units of its plane, normals
-        alike.
+        Fraction of the source's points on the target's surface: within 2 units of its plane, normals alike.
     inlier_rmse : float
         Root mean square of their distances to it, in the unit of the points; NaN without such points.
     information : (6,6) array of float64
@@ -134,9 +133,7 @@ def score_poses(
     """Return scores of poses as in the last round of `verify`, without refinement.
 
     The mean over the samples of either surface of their agreement with the other surface, minus violations of
-    its free space; the score is the sum of both means.
-
-    Parameters are as for `verify`.
+    its free space; the score is the sum of both means. Parameters are as for `verify`.
 
     Returns
     -------

@@ -133,7 +133,6 @@ def places(
 
     As in the last round of `verify`. Without a near point, the target's observed ranges decide. If the
     scanner is known, points that face away from it, or that lie behind the source's own surface, are unknown.
-
     `pose` is as for `align`; the other parameters are as for `verify`.
 
     Returns

@@ -4,9 +4,7 @@ from dataclasses import dataclass
 
 from cgroup.evaluation.bins import CLUTTER, OCCLUSION, OVERLAP, Bins
 
-PAPER_EPSILON = 5.0
-"""A match is correct within this many pr, wherever the threshold isn't what is varied."""
-
+PAPER_EPSILON = 5.0  # a match is correct within this many pr, wherever the threshold isn't what is varied
 PLACES = {
     "B3R": ("b3r-clean", "b3r", "standin-full"),
     "U3OR": ("u3or", "standin-clutter"),
@@ -14,11 +12,8 @@ PLACES = {
 }
 """Data sets that can stand for a data set of the paper; the first one with records does."""
 
-OF_THE_PAPER = frozenset({"b3r-clean", "b3r", "u3or", "u3m"})
-"""Data sets that the paper used."""
-
-GENERATED = "standin-"
-"""Names of generated data sets begin so."""
+OF_THE_PAPER = frozenset({"b3r-clean", "b3r", "u3or", "u3m"})  # data sets that the paper used
+GENERATED = "standin-"  # names of generated data sets begin so
 
 
 @dataclass(frozen=True)
@@ -60,9 +55,8 @@ EXPERIMENTS = {each.id: each for each in (
 # fmt: on
 """In the paper's order."""
 
+# Methods in sequence, as the paper's summary recommends them
 VARIANTS = Experiment("variants", "Grouping before RANSAC", "", "", ("U3OR", "U3M"))
-"""Methods in sequence, as the paper's summary recommends them."""
-
 PAPER_COMPLEXITY = {
     "ss": "n log n",
     "nnsr": "n",
@@ -76,5 +70,5 @@ PAPER_COMPLEXITY = {
 }
 """The paper's table of complexities, section 5.3."""
 
+# Methods of `VARIANTS` that a claim compares, on the cases that all of them were run on
 CHAINED = ("gc+ransac", "gtm+ransac", "ransac")
-"""Methods of `VARIANTS` that a claim compares, on the cases that all of them were run on."""

@@ -179,8 +179,7 @@ def expect_in_top(row: Row, method: str, k: int, numbers: Numbers) -> Comparison
     values = scores.to_numpy(dtype=np.float64)
     is_rival = (scores.index != method) & ~np.isnan(values)
     if is_rival.sum() < k:
-        message = f"fewer than {k + 1} methods to rank"
-        raise NotTestableError(message)
+        raise NotTestableError(f"fewer than {k + 1} methods to rank")
     at = np.flatnonzero(is_rival)[np.argsort(-values[is_rival], kind="stable")[k - 1]]
     rival, own, value = name(str(scores.index[at])), float(scores[method]), float(values[at])
     nth = _NTH.get(k, f"number {k} of the others")

@@ -46,8 +46,7 @@ from cgroup.benchmark.problem import COMBINATIONS
 
 __all__ = ["CLAIMS", "CRITERIA", "OUTCOMES", "Outcome", "check_claims"]
 
-CLEAR, LARGE = 0.05, 0.1
-"""A clear and a large difference of scores."""
+CLEAR, LARGE = 0.05, 0.1  # a clear and a large difference of scores
 
 
 @dataclass(frozen=True)

@@ -29,10 +29,7 @@ from cgroup.benchmark.paper.words import (
 )
 from cgroup.types import FloatArray
 
-TIE = 0.01
-TIME_TIE = math.log(1.05)
-"""Largest difference of a tie, of scores and of logarithms of times."""
-
+TIE, TIME_TIE = 0.01, math.log(1.05)  # largest difference of a tie, of scores and of logarithms of times
 _WHAT = {
     "precision": "P",
     "recall": "R",
@@ -139,8 +136,7 @@ def times(superlative: Literal["longest", "shortest"], *, largest: int | None = 
     def find(witness: Witness, methods: tuple[str, ...]) -> list[Row]:
         logs = sign * np.log(witness.read_levels(Source(TIMING, ""), "seconds", methods))
         if largest is not None and logs.index[-1] < largest:
-            message = f"no times for n of {largest} or more"
-            raise NotTestableError(message)
+            raise NotTestableError(f"no times for n of {largest} or more")
         return [Row(f"n {n}", row) for n, row in (logs if largest is None else logs.tail(1)).iterrows()]
 
     where = {None: "at each n", 0: "at the largest n"}.get(largest, f"at the largest n, at least {largest}")
@@ -192,11 +188,7 @@ def distance(one: str, other: str, numbers: Numbers) -> Numbers:
     both = join_names((one, other))
     what, methods = f"difference in {numbers.what}", (one, other)
     return _of_each(
-        numbers,
-        what,
-        lambda scores: pd.Series({both: abs(scores[one] - scores[other])}),
-        both,
-        methods,
+        numbers, what, lambda scores: pd.Series({both: abs(scores[one] - scores[other])}), both, methods
     )
 
 

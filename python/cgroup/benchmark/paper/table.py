@@ -20,15 +20,10 @@ from cgroup.types import IndexArray
 
 COLUMNS = ("experiment", "place", "level", "method", "measure", "value")
 
-ALL = "all"
-"""Level of a mean over all levels."""
-
+ALL = "all"  # level of a mean over all levels
+# Method of measures that don't depend on the method: `inlier_ratio` and `correct`
 MATCHES = "the initial matches"
-"""Method of measures that don't depend on the method: `inlier_ratio` and `correct`."""
-
-TIMING = "timing"
-"""Experiment of the measures `seconds` and `exponent`; its level is n, its place empty."""
-
+TIMING = "timing"  # experiment of the measures `seconds` and `exponent`; its level is n, its place empty
 _SCORES = ("precision", "recall", "f_score", "registered", "selected")
 
 
@@ -200,8 +195,7 @@ def at(operator: Literal["<", "<=", ">", ">="], bound: float) -> Pick:
     def choose(known: Sequence[Level]) -> list[Level]:
         chosen = [level for level in known if compare(round(float(level), 6), bound)]
         if not chosen:
-            message = f"the records hold no level {words} {bound:g}"
-            raise NotTestableError(message)
+            raise NotTestableError(f"the records hold no level {words} {bound:g}")
         return chosen
 
     return Pick(f"{words} {bound:g}", choose)
@@ -213,8 +207,7 @@ def named(*wanted: Level) -> Pick:
     def choose(known: Sequence[Level]) -> list[Level]:
         missing = [str(each) for each in wanted if each not in known]
         if missing:
-            message = "the records lack the level " + ", ".join(missing)
-            raise NotTestableError(message)
+            raise NotTestableError("the records lack the level " + ", ".join(missing))
         return list(wanted)
 
     return Pick(
@@ -228,8 +221,7 @@ def nearest(level: float, low: float, high: float, *, optional: bool = False) ->
     def choose(known: Sequence[Level]) -> list[Level]:
         within = [each for each in known if low <= round(float(each), 6) <= high]
         if not within and not optional:
-            message = f"the records hold no level around {level:g}"
-            raise NotTestableError(message)
+            raise NotTestableError(f"the records hold no level around {level:g}")
         return sorted(within, key=lambda each: abs(float(each) - level))[:1]
 
     within = f"within {low:g} to {high:g}{', if there is one' if optional else ''}"

@@ -34,9 +34,8 @@ statement requires. All claims share these rules.
 """
 """Rules of the verdicts; printed above every table of them."""
 
+# Begins the measured text of claims whose verdict would rest on them
 ON_GENERATED = "generated shapes aren't what the paper measured"
-"""Begins the measured text of claims whose verdict would rest on them."""
-
 _FAILING_SHOWN, _HOLDING_SHOWN = 4, 2  # tests quoted in the text of a verdict
 
 
@@ -79,8 +78,7 @@ def judge(check: Check, table: ClaimTable) -> dict[str, Any]:
 def find_outcome(counted: Sequence[Comparison], need: Literal["all", "most"]) -> Outcome:
     """Return the outcome of tests; raise if there are none."""
     if not counted:
-        message = "the records hold no level that the statement is about"
-        raise NotTestableError(message)
+        raise NotTestableError("the records hold no level that the statement is about")
     share = sum(bool(test.holds) for test in counted) / len(counted)
     if share == 1 or (need == "most" and share > 0.5):
         return "confirmed"

@@ -16,17 +16,13 @@ from cgroup.features import Viewpoint
 from cgroup.types import FloatArray
 
 ITERATIONS, CONFIDENCE = 100_000, 0.999
-REACH = 1.5
-"""Largest distance of matched points in Open3D's RANSAC, in voxels."""
-FAST_REACH = 0.5
-"""The same in Open3D's FGR."""
+REACH = 1.5  # largest distance of matched points in Open3D's RANSAC, in voxels
+FAST_REACH = 0.5  # the same in Open3D's FGR
 EDGE_SIMILARITY = 0.9
 
+# KISS-Matcher refuses small voxels, and small_gicp's defaults are in m: clouds are scaled to this voxel
 VOXEL = 0.3
-"""KISS-Matcher refuses small voxels, and small_gicp's defaults are in m: clouds are scaled to this voxel."""
-
-LEAST_INLIERS = 5
-"""KISS-Matcher's examples reject registrations with fewer final inliers."""
+LEAST_INLIERS = 5  # KISS-Matcher's examples reject registrations with fewer final inliers
 
 
 def open3d_ransac(clouds: Clouds, clock: StageClock) -> Answer:
@@ -119,10 +115,7 @@ def refine(clouds: Clouds, pose: FloatArray) -> FloatArray:
     start = pose.copy()
     start[:3, 3] *= scale
     found = library.align(
-        clouds.target * scale,
-        clouds.source * scale,
-        init_T_target_source=start,
-        num_threads=clouds.threads,
+        clouds.target * scale, clouds.source * scale, init_T_target_source=start, num_threads=clouds.threads
     )
     refined = np.array(found.T_target_source, dtype=np.float64)
     refined[:3, 3] /= scale

@@ -86,10 +86,7 @@ def _match_voxels(clouds: Clouds, clock: StageClock) -> Correspondences:
     clock.start("matching")
     found = features.match(ours, theirs, mutual=True, threads=threads)
     return Correspondences(
-        source[found.source_indices],
-        target[found.target_indices],
-        ratio=found.ratio,
-        resolution=UNIT * voxel,
+        source[found.source_indices], target[found.target_indices], ratio=found.ratio, resolution=UNIT * voxel
     )
 
 

@@ -20,14 +20,10 @@ from cgroup.rigid import invert
 from cgroup.scenes import register_all
 from cgroup.types import FloatArray
 
+# Standard deviations of KISS-Matcher's poses, in radians and in voxels
 ROTATION_SIGMA, TRANSLATION_SIGMA = 0.02, 1.0
-"""Standard deviations of KISS-Matcher's poses, in radians and in voxels."""
-
-PRUNED_BELOW = 0.25
-"""Open3D's own threshold of the line process."""
-
-INLIER_WEIGHT = 0.5
-"""Limit of GNC's weights, which end near 0 or 1."""
+PRUNED_BELOW = 0.25  # Open3D's own threshold of the line process
+INLIER_WEIGHT = 0.5  # limit of GNC's weights, which end near 0 or 1
 
 
 class _Pair(NamedTuple):

@@ -9,9 +9,7 @@ import pandas as pd
 
 from cgroup.plots.style import METHOD_STYLES, method_style
 
-MISSING = "-"
-"""Text of cells without a value."""
-
+MISSING = "-"  # text of cells without a value
 _DIGITS = "0123456789.,-+e/% "
 
 
@@ -69,8 +67,8 @@ def method_cell(method: str) -> Cell:
     return Cell(method_style(method).label, float(order))
 
 
+# Headers, and functions from the rows of one group to a cell
 Columns = Mapping[str, Callable[[pd.DataFrame], Cell]]
-"""Headers, and functions from the rows of one group to a cell."""
 
 
 def tabulate(

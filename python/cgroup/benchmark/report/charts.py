@@ -22,9 +22,7 @@ from cgroup.plots.charts import Chart
 from cgroup.plots.experiments import Estimate
 from cgroup.plots.style import MethodStyle, method_styles
 
-RESOLUTION = 150
-"""Dots per inch of PNG files."""
-
+RESOLUTION = 150  # dots per inch of PNG files
 _DIGITS = 5  # of numbers in the page
 
 

@@ -11,9 +11,7 @@ from cgroup.plots.experiments import pipelines_chart, scenes_chart
 from cgroup.registration.pairwise import count_false_accepts, is_accepted
 from cgroup.types import FloatArray
 
-_ELLIPSOID = 12.59
-"""95th percentile of chi-squared with 6 degrees of freedom."""
-
+_ELLIPSOID = 12.59  # 95th percentile of chi-squared with 6 degrees of freedom
 _BY = {"method": "pipeline"}
 _BY_SET = {"set": "set", "method": "pipeline"}
 

@@ -15,11 +15,9 @@ from cgroup.io.result_folders import make_folder
 from cgroup.io.transforms import format_log
 from cgroup.types import FloatArray
 
-TRUTH = "truth"
-"""Folder of the true poses, beside those of the methods."""
-
+TRUTH = "truth"  # folder of the true poses, beside those of the methods
+# Data sets whose pairs are named by a scene and the numbers of two clouds, and the order of the clouds
 _SOURCE_FIRST = {"3dmatch-test": False, "3dlomatch-test": False, "kitti": True}
-"""Data sets whose pairs are named by a scene and the numbers of two clouds, and the order of the clouds."""
 
 
 def write_poses(out: Path, frames: Iterable[pd.DataFrame]) -> None:

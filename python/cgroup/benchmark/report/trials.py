@@ -33,8 +33,7 @@ _VARIED = {
 }
 """Columns that a grid may vary, with their names; the first that does is spread over columns."""
 
-_OVERLAPS = (0.0, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0)
-"""Limits of the classes of overlap."""
+_OVERLAPS = (0.0, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0)  # limits of the classes of overlap
 
 
 def make_trial_sections(

@@ -1,7 +1,5 @@
 """Stones: balls cut by planes, with bumps and dents at two scales, all placed at random."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -3,8 +3,6 @@
 Every pair is made from its name alone, so the same name is the same pair on every machine.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

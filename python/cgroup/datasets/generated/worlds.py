@@ -1,7 +1,5 @@
 """Generated worlds of boxes, cylinders and balls, and simulated scans."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
