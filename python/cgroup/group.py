@@ -5,12 +5,12 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from time import perf_counter
 from typing import Any
 
 from cgroup import _core
-from cgroup._checks.calls import explain_wrong_calls, refuse_too_many, unknown_option
+from cgroup._checks.calls import explain_wrong_calls, unknown_option
 from cgroup._checks.values import as_choice, as_count, as_instance, as_items, as_length, refusal, run_options
 from cgroup._runtime.memory import default_max_memory, max_memory_for, report_refused_memory
 from cgroup._runtime.workers import count_workers, work_side_by_side
@@ -29,7 +29,7 @@ _MEANT = 'give group(Correspondences(source, target), "gtm"), or call gtm(source
 
 
 @report_refused_memory()
-@refuse_too_many(_MEANT)
+@partial(explain_wrong_calls, too_many=_MEANT)
 def group(
     correspondences: Correspondences,
     method: MethodName | str = "lc",

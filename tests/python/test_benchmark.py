@@ -216,7 +216,7 @@ class Here:
 
 
 def test_times_are_taken_once(tmp_path, log, monkeypatch):
-    monkeypatch.setattr(runner, "Worker", Here)
+    monkeypatch.setattr(runner.engine, "Worker", Here)
     monkeypatch.setattr(solving, "SHORTEST", 1e-9)
     text = MATCHES + "pairs = 1" + TIMING
     serial(text, tmp_path / "out")
@@ -234,7 +234,7 @@ def test_times_are_taken_once(tmp_path, log, monkeypatch):
 
 
 def test_what_would_take_too_long_is_skipped_with_a_reason(tmp_path, monkeypatch):
-    monkeypatch.setattr(runner, "Worker", Here)
+    monkeypatch.setattr(runner.engine, "Worker", Here)
     monkeypatch.setattr(solving, "measure", lambda _call, repeats: [6.0] * repeats)
     serial(MATCHES + "pairs = 1" + TIMING + "budget = 7", tmp_path)
     times = tables.load(tmp_path, "timing")

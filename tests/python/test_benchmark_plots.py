@@ -7,8 +7,8 @@ from matplotlib.lines import Line2D
 from test_plots import drawn
 
 from cgroup.benchmark.paper.evidence import Evidence, mean_times
+from cgroup.benchmark.report.curves import draw_times, matches_chart, rates_chart, scores_chart
 from cgroup.evaluation.bins import LEAST_PAIRS
-from cgroup.plots.experiments import draw_times, matches_chart, rates_chart, scores_chart
 from cgroup.plots.style import METHOD_STYLES
 
 LEVEL = "level (pr)"
@@ -29,7 +29,7 @@ def test_levels_of_few_pairs_are_hollow_and_no_solid_line_leads_there():
     found = rows("overlap", "U3M")
     sparse = found["x"] == found["x"].min()
     few = found["pair"].isin(found.loc[sparse, "pair"].unique()[: LEAST_PAIRS - 1])
-    figure = scores_chart(found[~sparse | few], LEVEL).draw("A title")
+    figure = scores_chart(found[~sparse | few], LEVEL, {}).draw("A title")
     filled, hollow = (
         [line for line in marked(figure.axes[0]) if line.get_markerfacecolor() == face]
         for face in (METHOD_STYLES["gtm"].color, "white")
@@ -41,13 +41,13 @@ def test_levels_of_few_pairs_are_hollow_and_no_solid_line_leads_there():
     assert "fewer than 5 pairs" in {text.get_text() for text in figure.legends[0].get_texts()}
     assert drawn(figure)
     assert "fewer than 5 pairs" not in {
-        text.get_text() for text in scores_chart(found, LEVEL).draw("A title").legends[0].get_texts()
+        text.get_text() for text in scores_chart(found, LEVEL, {}).draw("A title").legends[0].get_texts()
     }
 
 
 def test_registration_has_a_panel_per_applicable_criterion():
     views = rows("overlap", "U3M").assign(**{"ok:kitti": None})
-    figure = rates_chart(views, LEVEL).draw("A title")
+    figure = rates_chart(views, LEVEL, {}).draw("A title")
     titles = [axes.get_title(loc="left") for axes in figure.axes if axes.axison]
     assert titles == ["precision > 0.1 (the paper's)", "RMSE at most 5 pr"]
     assert drawn(figure)
@@ -64,7 +64,7 @@ def test_matches_are_counted_once_per_pair():
 
 def test_times_on_logarithmic_axes_with_both_exponents():
     times = mean_times(paper_timing())
-    figure = draw_times(times, {"st": 2.5, "gtm": np.nan}, {"st": "n³"}, "A title")
+    figure = draw_times(times, {"st": 2.5, "gtm": np.nan}, {"st": "n³"}, {}, "A title")
     (axes,) = figure.axes
     assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
     texts = [text.get_text() for text in figure.legends[0].get_texts()]

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from cgroup import METHODS
-from cgroup.plots.experiments import pipelines_chart
+from cgroup.benchmark.report.curves import pipelines_chart
 from cgroup.plots.style import METHOD_STYLES, OWN_COLORS, method_style, method_styles
 
 OWN = [f"Own method {number}" for number in range(8)]
@@ -37,7 +37,8 @@ def test_reliability_counts_unrelated_pairs_too() -> None:
         [
             {"method": "cgroup", "name": "cgroup", "refined": False, "set": "a", "overlap": 0.5}
             | {"seconds": 1.0, "kind": kind, "right": right, "probability": chance}
-            for kind, right, chance in rows
+            | {"dataset": "own", "pair": str(number)}
+            for number, (kind, right, chance) in enumerate(rows)
         ]
     )
     reliability = pipelines_chart(table).panels[1]

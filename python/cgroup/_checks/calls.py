@@ -1,7 +1,7 @@
 """Explain wrong arguments of a call in one sentence, with a suggestion."""
 
 from collections.abc import Callable, Collection, Iterable
-from functools import partial, wraps
+from functools import wraps
 from inspect import Parameter, Signature, signature
 from typing import Any, TypeVar
 
@@ -52,11 +52,6 @@ def explain_wrong_calls(function: _Function, *, too_many: str = "") -> _Function
         raise wrong
 
     return called  # pyright: ignore[reportReturnType] - `wraps` keeps the signature
-
-
-def refuse_too_many(meant: str) -> Callable[[_Function], _Function]:
-    """Return `explain_wrong_calls` with the remedy for too many arguments."""
-    return partial(explain_wrong_calls, too_many=meant)
 
 
 def bind_arguments(

@@ -63,7 +63,7 @@ def max_memory_for(correspondences: int) -> int:
 
 def default_max_memory() -> int:
     """Return the limit of a pairwise matrix in bytes: a quarter of the free memory, at most 1.5 GiB."""
-    free = min(_free_on_machine(), _free_address_space(), _free_in_groups())
+    free = min(_free_on_machine(), _free_address_space(), *map(_free_in_group, _groups()))
     return min(MOST, max(free, 0) // SHARE_OF_FREE)
 
 
@@ -91,12 +91,8 @@ def _free_address_space() -> int:
         return limit
 
 
-def _free_in_groups() -> int:
-    """Bytes up to the nearest limit of the process's control group (version 2) and of those around it."""
-    return min(map(_free_in_group, _groups()), default=MOST * SHARE_OF_FREE)
-
-
 def _free_in_group(folder: Path) -> int:
+    """Bytes up to the limit of a control group (version 2)."""
     plenty = MOST * SHARE_OF_FREE
     try:
         limit, used = (int((folder / name).read_text("ascii")) for name in ("memory.max", "memory.current"))

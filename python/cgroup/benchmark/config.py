@@ -7,19 +7,7 @@ from pathlib import Path
 from pydantic import ValidationError, model_validator
 
 from cgroup._runtime.toml import tomllib
-from cgroup.benchmark.entries import (
-    ExperimentEntry,
-    FrontEntry,
-    MethodEntry,
-    Methods,
-    RegistrationEntry,
-    ScenesEntry,
-    Seed,
-    SetEntry,
-    Table,
-    TimingEntry,
-    TrialsEntry,
-)
+from cgroup.benchmark import entries
 from cgroup.benchmark.readings import apply_readings
 from cgroup.benchmark.solver import Solver
 from cgroup.errors import InputError
@@ -31,7 +19,7 @@ __all__ = ["Config", "parse_config", "read_config"]
 _PRESETS = resources.files("cgroup.benchmark") / "presets"
 
 
-class Config(Table):
+class Config(entries.Table):
     """Configuration of a run.
 
     The documentation of the benchmark lists the keys of all tables.
@@ -65,16 +53,16 @@ class Config(Table):
 
     name: str
     title: str = ""
-    seed: Seed = 0
-    methods: Methods = tuple(MethodEntry(name=name) for name in METHODS)
-    experiment: tuple[ExperimentEntry, ...] = ()
-    timing: TimingEntry | None = None
-    registration: RegistrationEntry | None = None
-    scenes: ScenesEntry | None = None
-    trials: TrialsEntry | None = None
+    seed: entries.Seed = 0
+    methods: entries.Methods = tuple(entries.MethodEntry(name=name) for name in METHODS)
+    experiment: tuple[entries.ExperimentEntry, ...] = ()
+    timing: entries.TimingEntry | None = None
+    registration: entries.RegistrationEntry | None = None
+    scenes: entries.ScenesEntry | None = None
+    trials: entries.TrialsEntry | None = None
 
     @property
-    def sets(self) -> tuple[SetEntry, ...]:
+    def sets(self) -> tuple[entries.SetEntry, ...]:
         """All sets of problems, without the timing."""
         alone = (self.registration, self.scenes, self.trials)
         return (*self.experiment, *(each for table in alone if table for each in table.sets))
@@ -85,7 +73,7 @@ class Config(Table):
             names = "experiment, registration, scenes, trials"
             tables = "[[experiment]], [registration], [scenes] or [trials]"
             raise InputError(names, remedy=f"all are missing; give {tables}")
-        fronts: dict[tuple[str, str, str], FrontEntry] = {}
+        fronts: dict[tuple[str, str, str], entries.FrontEntry] = {}
         for entry in self.experiment:
             for at in itertools.product([entry.id], entry.dataset, entry.combinations):
                 if fronts.setdefault(at, entry.front) != entry.front:

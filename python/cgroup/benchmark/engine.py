@@ -256,20 +256,15 @@ def _open_cluster(scheduler: str | None, count: int) -> Generator[CallUnordered,
         remedy = f"needed by the dask backend; give its address, or set {SCHEDULER}"
         raise InputError("scheduler", remedy=remedy)
     with reach_cluster(address, count) as client:
-        yield functools.partial(_call_on_cluster, client)
 
+        def call_unordered(
+            function: Callable[..., Any], tasks: Iterable[TaskArguments], limit: float | None
+        ) -> Iterator[tuple[TaskArguments, Any]]:
+            submit = functools.partial(client.submit, _call_in_process, function, limit, pure=False)
+            for task, result in work_on_cluster(client, lambda task: submit(*task), tasks, _IF_LOST):
+                yield task, ProcessDiedError() if isinstance(result, WorkersDiedError) else result
 
-def _call_on_cluster(
-    client: Any,  # noqa: ANN401 - of Dask, which may not be installed
-    function: Callable[..., Any],
-    tasks: Iterable[TaskArguments],
-    limit: float | None,
-) -> Iterator[tuple[TaskArguments, Any]]:
-    def submit(task: TaskArguments) -> Any:  # noqa: ANN401 - a future of Dask
-        return client.submit(_call_in_process, function, limit, *task, pure=False)
-
-    for task, result in work_on_cluster(client, submit, tasks, _IF_LOST):
-        yield task, ProcessDiedError() if isinstance(result, WorkersDiedError) else result
+        yield call_unordered
 
 
 _of_thread = threading.local()

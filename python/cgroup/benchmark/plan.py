@@ -12,7 +12,6 @@ from cgroup.benchmark.entries import (
     ExperimentEntry,
     MethodEntry,
     PairsEntry,
-    SceneSetEntry,
     SetEntry,
     TimingEntry,
     TrialSetEntry,
@@ -165,8 +164,10 @@ def _plan_sets(config: Config, opened: _OpenDatasets) -> Iterator[PlannedSet]:
     if (scenes := config.scenes) is not None:
         solvers = installed(scenes.solvers)
         for entry in scenes.sets:
-            bags = _list_bags(entry, config.seed) if opened.find_scans(entry.dataset) else ()
-            yield PlannedSet(entry, tuple(bags), solvers, (scenes.threads,), (), scenes.limit)
+            seeds = dict.fromkeys(entry.seeds or (config.seed,)) if opened.find_scans(entry.dataset) else ()
+            kind, places = "mirrored" if entry.mirrored else "related", AND.join(entry.dataset)
+            bags = tuple(Problem("scenes", places, f"seed {seed}", kind, seed=seed) for seed in seeds)
+            yield PlannedSet(entry, bags, solvers, (scenes.threads,), (), scenes.limit)
     if (trials := config.trials) is not None:
         for entry in trials.sets:
             methods = installed(entry.methods or trials.methods or config.methods)
@@ -178,12 +179,6 @@ def _with_preset(method: Solver, preset: str) -> Solver:
     """Return the method with the options of a preset, unless it has its own."""
     options = PRESETS[preset].get(method.name, {})
     return replace(method, options=json.dumps({**options, **json.loads(method.options)}, sort_keys=True))
-
-
-def _list_bags(entry: SceneSetEntry, seed: int) -> Iterator[Problem]:
-    kind = "mirrored" if entry.mirrored else "related"
-    for each in dict.fromkeys(entry.seeds or (seed,)):
-        yield Problem("scenes", AND.join(entry.dataset), f"seed {each}", kind, seed=each)
 
 
 def _list_problems(entry: PairsEntry, name: str, opened: _OpenDatasets, seed: int) -> Iterator[Problem]:

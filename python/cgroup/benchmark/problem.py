@@ -10,16 +10,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from cgroup import features
-from cgroup.datasets import (
-    CorrespondencePair,
-    Dataset,
-    MatchingPair,
-    UnrelatedPair,
-    mirror,
-    mix,
-    open_dataset,
-)
+from cgroup import datasets, features
 from cgroup.errors import InputError
 from cgroup.evaluation.ground_truth import OVERLAP_WITHIN
 from cgroup.features import within
@@ -57,8 +48,8 @@ _PAIRS_KEPT = 2  # loaded pairs that a worker keeps: its next task often needs o
 class LoadedProblem:
     """A loaded pair, the clouds of the problem (None for ready-made matches), and the true pose if any."""
 
-    pair: MatchingPair | CorrespondencePair
-    clouds: MatchingPair | UnrelatedPair | None
+    pair: datasets.MatchingPair | datasets.CorrespondencePair
+    clouds: datasets.MatchingPair | datasets.UnrelatedPair | None
     truth: FloatArray | None
 
     @property
@@ -66,12 +57,12 @@ class LoadedProblem:
         """Points of both clouds, or source and target points of all matches."""
         if self.clouds is not None:
             return self.clouds.source.points, self.clouds.target.points
-        assert isinstance(self.pair, CorrespondencePair)  # noqa: S101 - else there are clouds
+        assert isinstance(self.pair, datasets.CorrespondencePair)  # noqa: S101 - else there are clouds
         return self.pair.correspondences.source, self.pair.correspondences.target
 
     def measure_pr(self) -> float:
         """Return the mean distance between neighbours in both clouds, in the data's unit."""
-        if isinstance(self.pair, CorrespondencePair):
+        if isinstance(self.pair, datasets.CorrespondencePair):
             return known_resolution(self.pair.correspondences.resolution)
         return (features.resolution(self.points[0]) + features.resolution(self.points[1])) / 2
 
@@ -143,19 +134,19 @@ class Problem:
         """
         pair = load_pair(self.dataset, self.pair, root)
         truth = pair.T_target_source if self.kind == "related" else None
-        if isinstance(pair, CorrespondencePair):
+        if isinstance(pair, datasets.CorrespondencePair):
             if self.task == "registration":
                 raise InputError(
                     f"{self.dataset}: {self.pair} consists of correspondences; registration needs clouds"
                 )
             return LoadedProblem(pair, None, truth)
         if self.kind != "mixed":
-            return LoadedProblem(pair, pair if self.kind == "related" else mirror(pair), truth)
+            return LoadedProblem(pair, pair if self.kind == "related" else datasets.mirror(pair), truth)
         other = load_pair(self.dataset, self.other, root)
-        if isinstance(other, CorrespondencePair):
+        if isinstance(other, datasets.CorrespondencePair):
             message = f"{self.dataset}: {self.other} consists of correspondences; only clouds can be mixed"
             raise InputError(message)
-        return LoadedProblem(pair, mix(pair, other), truth)
+        return LoadedProblem(pair, datasets.mix(pair, other), truth)
 
 
 def known_resolution(resolution: float | None) -> float:
@@ -180,13 +171,15 @@ def keyed_rng(*key: object) -> np.random.Generator:
 
 
 @functools.lru_cache(maxsize=8)
-def open_once(name: str, root: str | None) -> Dataset:
+def open_once(name: str, root: str | None) -> datasets.Dataset:
     """Open a data set once."""
-    return open_dataset(name, None if root is None else Path(root))
+    return datasets.open_dataset(name, None if root is None else Path(root))
 
 
 @functools.lru_cache(maxsize=_PAIRS_KEPT)
-def load_pair(dataset: str, name: str, root: str | None) -> MatchingPair | CorrespondencePair:
+def load_pair(
+    dataset: str, name: str, root: str | None
+) -> datasets.MatchingPair | datasets.CorrespondencePair:
     """Load a pair unless it is cached."""
     return open_once(dataset, root).load(name)
 

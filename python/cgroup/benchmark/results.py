@@ -17,7 +17,7 @@ import numpy as np
 from cgroup import __version__
 from cgroup.benchmark.problem import Problem
 from cgroup.benchmark.solver import Solver
-from cgroup.types import OPTIONAL_FIELDS, BoolArray, Correspondences, FloatArray, RealArray
+from cgroup.types import OPTIONAL_FIELDS, Correspondences, FloatArray, RealArray
 
 # Error of a task that ended its process
 KILLED = "WorkerKilled: the process that worked on it died, perhaps out of memory"
@@ -60,10 +60,6 @@ def _cpu() -> str:
     return platform.processor() or platform.machine()
 
 
-def _now() -> str:
-    return datetime.now(timezone.utc).isoformat(timespec="seconds")
-
-
 @dataclass(frozen=True, eq=False)
 class Matched:
     """Matches of a problem, and the truth about them.
@@ -101,7 +97,7 @@ class Result:
     error: str = ""
     version: str = __version__
     machine: Machine = field(default_factory=this_machine)
-    created: str = field(default_factory=_now)
+    created: str = field(default_factory=lambda: datetime.now(timezone.utc).isoformat(timespec="seconds"))
 
 
 @dataclass(frozen=True)
@@ -167,13 +163,3 @@ def unpack(content: bytes) -> Matched:
         fields["resolution"] = float(fields["resolution"])
     matches = Correspondences(fields.pop("source"), fields.pop("target"), **fields)
     return Matched(matches, truth, sample, pr, facts)
-
-
-def pack_mask(mask: BoolArray) -> bytes:
-    """Return a group as one bit per match."""
-    return np.packbits(mask).tobytes()
-
-
-def unpack_mask(packed: bytes, n: int) -> BoolArray:
-    """Return a group from its bits: (n,) array of bool."""
-    return np.unpackbits(np.frombuffer(packed, dtype=np.uint8), count=n).astype(bool)

@@ -12,22 +12,14 @@ import numpy as np
 
 from cgroup._checks.values import as_count, as_path
 from cgroup._runtime.progress import ignore_progress
-from cgroup.benchmark import solving
+from cgroup.benchmark import engine, solving
 from cgroup.benchmark.config import Config
-from cgroup.benchmark.engine import (
-    ALL_CORES,
-    CallUnordered,
-    OutOfTimeError,
-    Worker,
-    WorkerError,
-    open_workers,
-)
 from cgroup.benchmark.matching import forget_pairs, match_problem, match_problems
 from cgroup.benchmark.plan import make_plan
 from cgroup.benchmark.problem import Task
 from cgroup.benchmark.results import KILLED, OUT_OF_TIME, Matched, Pending, Result
 from cgroup.benchmark.solver import Solver
-from cgroup.benchmark.store import RECORDS, Counts, Store, only_writer, report_failures
+from cgroup.benchmark.store import RECORDS, Counts, Store, count_results, only_writer, report_failures
 from cgroup.io.result_folders import make_folder
 
 Progress: TypeAlias = Callable[[str, int, int], Any]
@@ -121,12 +113,12 @@ def run(
         if retry_failed:
             store.forget_failures()
         runner = _Runner(store, None if root is None else str(root), progress or ignore_progress)
-        with open_workers(backend, workers, scheduler) as call_unordered:
+        with engine.open_workers(backend, workers, scheduler) as call_unordered:
             runner.match(call_unordered)
             runner.group(call_unordered)
         for task in ("timing", "registration", "scenes", "matches"):
             runner.run_alone(task)
-        return Summary(store.counts(), plan.missing)
+        return Summary(count_results(store.connection), plan.missing)
 
 
 class _Runner:
@@ -142,7 +134,7 @@ class _Runner:
 
     def _begin_task(self, task: Task) -> list[Pending]:
         """Return the problems of a kind that lack results; report earlier results as done."""
-        counts = self._store.counts().get(task, Counts(0, 0, 0))
+        counts = count_results(self._store.connection).get(task, Counts(0, 0, 0))
         if counts.wanted:
             self._begin(task, counts.done + counts.failed, counts.wanted)
         return self._store.pending(task)
@@ -155,7 +147,7 @@ class _Runner:
         self._store.add_results(results)
         self._report(len(results))
 
-    def match(self, call_unordered: CallUnordered) -> None:
+    def match(self, call_unordered: engine.CallUnordered) -> None:
         """Match the problems of experiments that lack results; errors become results of all solvers."""
         stored = self._store.matched()
         pending = [each for each in self._store.pending("experiment") if each.problem.key not in stored]
@@ -170,7 +162,7 @@ class _Runner:
             while part := list(itertools.islice(same_pair, _PROBLEMS_AT_ONCE)):
                 tasks.append((part, self._root))
         for (part, _), records in call_unordered(match_problems, tasks, None) if tasks else ():
-            found = [KILLED] * len(part) if isinstance(records, WorkerError) else records
+            found = [KILLED] * len(part) if isinstance(records, engine.WorkerError) else records
             known = dict(zip((each.key for each in part), found, strict=True))
             self._store.add_matched((key, each) for key, each in known.items() if isinstance(each, Matched))
             for key, error in known.items():
@@ -179,7 +171,7 @@ class _Runner:
                     self._store.add_results(failed)
             self._report(len(part))
 
-    def group(self, call_unordered: CallUnordered) -> None:
+    def group(self, call_unordered: engine.CallUnordered) -> None:
         """Group the matches of experiments; methods that exceed the limits of their sets are dropped."""
         slow: Slow = defaultdict(list)
         pending = sorted(self._begin_task("experiment"), key=lambda each: each.limit)
@@ -193,7 +185,7 @@ class _Runner:
         self,
         limit: float,
         waiting: deque[Pending],
-        call_unordered: CallUnordered,
+        call_unordered: engine.CallUnordered,
         slow: Slow,
         sizes: dict[str, int],
     ) -> None:
@@ -208,12 +200,12 @@ class _Runner:
                     yield replace(case, solvers=left), content, self._root
 
         for (case, *_), results in call_unordered(solving.solve, tasks(), limit):
-            if not isinstance(results, WorkerError):
+            if not isinstance(results, engine.WorkerError):
                 self._add(results)
             elif len(case.solvers) > 1:  # one of them failed; each alone shows which
                 waiting.extendleft(replace(case, solvers=(each,)) for each in case.solvers)
             else:
-                if isinstance(results, OutOfTimeError):
+                if isinstance(results, engine.OutOfTimeError):
                     slow[case.solvers[0].key,].append(sizes[case.problem.key])
                 self._add(case.fail(_describe(results, limit)))
 
@@ -234,9 +226,9 @@ class _Runner:
         slow: Slow = defaultdict(list)
         times: dict[tuple[str, int], list[tuple[int, float]]] = defaultdict(list)
         by_threads = itertools.groupby(self._begin_task(task), lambda each: each.threads)
-        with closing(Worker(ALL_CORES)) as maker:
+        with closing(engine.Worker(engine.ALL_CORES)) as maker:
             for threads, problems in by_threads:
-                with closing(Worker(threads, cores=threads)) as worker:
+                with closing(engine.Worker(threads, cores=threads)) as worker:
                     for pending in problems:
                         matched = self._match_alone(pending, maker)
                         for each in pending.solvers:
@@ -244,19 +236,19 @@ class _Runner:
                             one = replace(pending, solvers=(each,))
                             self._add(self._solve_alone(one, matched, worker, *known))
 
-    def _match_alone(self, pending: Pending, maker: Worker) -> Matched | str | None:
+    def _match_alone(self, pending: Pending, maker: engine.Worker) -> Matched | str | None:
         if pending.problem.task in {"registration", "scenes"}:
             return None
         try:
             return maker.call(match_problem, pending.problem, self._root)
-        except WorkerError:
+        except engine.WorkerError:
             return KILLED
 
     def _solve_alone(
         self,
         pending: Pending,
         matched: Matched | str | None,
-        worker: Worker,
+        worker: engine.Worker,
         slow: list[int],
         times: list[tuple[int, float]],
     ) -> list[Result]:
@@ -278,8 +270,8 @@ class _Runner:
         allowed = (timed + 1) * (limit + solving.SHORTEST) if timed else limit
         try:
             results = worker.call(solving.solve, pending, matched, self._root, limit=allowed)
-        except WorkerError as error:
-            if matched is None or not isinstance(error, OutOfTimeError):
+        except engine.WorkerError as error:
+            if matched is None or not isinstance(error, engine.OutOfTimeError):
                 return [pending.result(solver, numbers=numbers, error=_describe(error, limit))]
             slow.append(n)
             skipped = f"took longer than {limit:g} s{' per call' if timed else ''}"
@@ -305,7 +297,7 @@ def _why_not_timed(known: list[tuple[int, float]], n: int, budget: float) -> str
     return f"expected to take {expected:.0f} s per call, more than {budget:g} s" if expected > budget else ""
 
 
-def _describe(error: WorkerError, limit: float) -> str:
-    if isinstance(error, OutOfTimeError):
+def _describe(error: engine.WorkerError, limit: float) -> str:
+    if isinstance(error, engine.OutOfTimeError):
         return f"{OUT_OF_TIME}: took longer than {limit:g} s"
     return KILLED

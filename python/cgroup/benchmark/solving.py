@@ -26,7 +26,6 @@ from cgroup.benchmark.results import (
     Result,
     describe_error,
     none_unless_finite,
-    pack_mask,
     unpack,
 )
 from cgroup.benchmark.solver import Solver
@@ -156,7 +155,8 @@ def _group(pending: Pending, matched: Matched, correct: dict[float, BoolArray], 
     pose = None
     with suppress(NoConsensusError):
         pose = grouping.transform()
-    return Outcome(pose, _judge(grouping, matched, correct, pose), seconds, pack_mask(grouping.mask))
+    mask = np.packbits(grouping.mask).tobytes()
+    return Outcome(pose, _judge(grouping, matched, correct, pose), seconds, mask)
 
 
 def _try(pending: Pending, matched: Matched, correct: dict[float, BoolArray], method: Solver) -> Outcome:

@@ -237,10 +237,6 @@ class Store:
             self.connection.execute(f"delete from matches where problem in ({failed})")
             self.connection.execute("delete from results where error <> ''")
 
-    def counts(self) -> dict[str, Counts]:
-        """Count done, failed and wanted results of each kind."""
-        return count_results(self.connection)
-
     def pending(self, task: Task) -> list[Pending]:
         """Return the problems of a kind with the solvers without a result, in the order of the work."""
         kept = self.connection.execute("select key, name, options, refined from solvers")

@@ -13,7 +13,7 @@ import pandas as pd
 from cgroup._checks.values import as_path
 from cgroup.benchmark.means import add_scores, aggregate, exponents
 from cgroup.benchmark.problem import COMBINATIONS, Task
-from cgroup.benchmark.results import ERRORS, unpack, unpack_mask
+from cgroup.benchmark.results import ERRORS, unpack
 from cgroup.benchmark.store import Counts, count_results, open_records
 from cgroup.datasets.generated_matches import GeneratedMatches, read_recipe
 from cgroup.errors import InputError
@@ -310,5 +310,7 @@ def load_groups(path: Path | str, case: str) -> tuple[Correspondences, FloatArra
         message = f"{path}: the matches of the case {case} can't be read ({error}); run it in another folder"
         raise InputError(message) from error
     assert found.truth is not None  # noqa: S101 - pairs of experiments are related
-    masks = {label: unpack_mask(mask, len(found.matches)) for label, mask, _ in rows}
+    n = len(found.matches)
+    packed = ((label, np.frombuffer(mask, dtype=np.uint8)) for label, mask, _ in rows)
+    masks = {label: np.unpackbits(bits, count=n).astype(bool) for label, bits in packed}
     return found.matches, found.truth, masks

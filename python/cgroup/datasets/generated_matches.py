@@ -9,7 +9,7 @@ import hashlib
 import itertools
 import re
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
@@ -208,14 +208,9 @@ class GeneratedMatches(Dataset):
         # Problems of different scenes and frames have the same random draws.
         key = repr((recipe.n, recipe.inliers, recipe.noise, recipe.number))
         seed = np.frombuffer(hashlib.sha256(key.encode()).digest(), dtype="<u4")
-        drawn = make_scene(
-            np.random.default_rng(seed),
-            recipe.n,
-            inliers=recipe.inliers,
-            noise=recipe.noise,
-            scene=recipe.scene,
-            frames=recipe.frames,
-        )
+        given = asdict(recipe)
+        del given["number"]
+        drawn = make_scene(np.random.default_rng(seed), **given)
         matches = drawn.correspondences()
         if recipe.frames == "none":
             matches = replace(matches, source_lrf=None, target_lrf=None)

@@ -22,6 +22,8 @@ class Protocol:
     max_rotation, max_translation, max_rmse : float or None
         Largest errors, inclusive: of the rotation in degrees, of the translation in m, and
         `cgroup.evaluation.alignment_error` in pr.
+    title : str
+        A readable name, for figures and tables.
     """
 
     name: str
@@ -29,6 +31,7 @@ class Protocol:
     max_rotation: float | None = None
     max_translation: float | None = None
     max_rmse: float | None = None
+    title: str = ""
 
     def judge(
         self, precision: float, rotation_error: float, translation_error: float, rmse_pr: float
@@ -65,17 +68,20 @@ PROTOCOL_PREFIX = "ok:"
 PROTOCOLS: dict[str, Protocol] = {
     protocol.name: protocol
     for protocol in (
-        Protocol(
-            PAPER_PROTOCOL, precision_above=REGISTERED_PRECISION
-        ),  # the paper, on all data; needs no pose
-        Protocol("rmse<=1pr", max_rmse=1.0),  # later work on U3M
-        Protocol("rmse<=5pr", max_rmse=5.0),  # later work on U3M
-        Protocol("5deg+5pr", max_rotation=5.0, max_rmse=5.0),  # cgroup, for whole scans
-        Protocol("2deg+2pr", max_rotation=2.0, max_rmse=2.0),  # cgroup, for whole scans
-        Protocol("3dmatch", max_rotation=15.0, max_translation=0.3),  # DGR, PointDSC, MAC
-        Protocol("3dmatch-strict", max_rotation=5.0, max_translation=0.1),  # cgroup, for whole scans
-        Protocol("kitti", max_rotation=5.0, max_translation=0.6),  # DGR, PointDSC, MAC
-        Protocol("kitti-2m", max_rotation=5.0, max_translation=2.0),  # FCGF, Predator, GeoTransformer
+        # The paper, on all data; needs no pose.
+        Protocol(PAPER_PROTOCOL, REGISTERED_PRECISION, title="precision > 0.1 (the paper's)"),
+        # Later work on U3M.
+        Protocol("rmse<=1pr", max_rmse=1.0, title="RMSE at most 1 pr"),
+        Protocol("rmse<=5pr", max_rmse=5.0, title="RMSE at most 5 pr"),
+        # cgroup, for whole scans.
+        Protocol("5deg+5pr", max_rotation=5.0, max_rmse=5.0, title="5°, 5 pr over the overlap"),
+        Protocol("2deg+2pr", max_rotation=2.0, max_rmse=2.0, title="2°, 2 pr over the overlap"),
+        # DGR, PointDSC, MAC; the strict one is cgroup's, for whole scans.
+        Protocol("3dmatch", max_rotation=15.0, max_translation=0.3, title="3DMatch: 15°, 0.3 m"),
+        Protocol("3dmatch-strict", max_rotation=5.0, max_translation=0.1, title="5°, 0.1 m"),
+        # DGR, PointDSC, MAC; the second one FCGF, Predator, GeoTransformer.
+        Protocol("kitti", max_rotation=5.0, max_translation=0.6, title="KITTI: 5°, 0.6 m"),
+        Protocol("kitti-2m", max_rotation=5.0, max_translation=2.0, title="5°, 2 m"),
     )
 }
 """Criteria by name, with the works that use them."""

@@ -237,9 +237,7 @@ def mcnemar(one: ArrayLike, other: ArrayLike) -> float:
 
 def holm(p: Sequence[float]) -> list[float]:
     """Adjust the p of several tests for the family-wise error (Holm, Scand. J. Statistics 1979)."""
-    adjusted = [0.0] * len(p)
-    so_far = 0.0
-    for rank, i in enumerate(sorted(range(len(p)), key=lambda i: p[i])):
-        so_far = max(so_far, min(1.0, (len(p) - rank) * p[i]))
-        adjusted[i] = so_far
-    return adjusted
+    order = np.argsort(p, kind="stable")
+    adjusted = np.empty(len(p))
+    adjusted[order] = np.maximum.accumulate(np.minimum(1.0, np.arange(len(p), 0, -1) * np.array(p)[order]))
+    return adjusted.tolist()

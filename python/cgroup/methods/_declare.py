@@ -141,18 +141,19 @@ _KINDS = {
 
 def method(
     name: str,
+    facts: Mapping[str, tuple[str, str, str, str, str]],
     *,
-    style: str,
     individual: bool = False,
     notes: Mapping[str, str] = MappingProxyType({}),
-    **known: str,
 ) -> Callable[[Callable[[], None]], Callable[..., Grouping]]:
     """Return a decorator that replaces a function without a body by that of a method.
 
-    `notes` add to the meaning of a field (of both frames: "lrf"), of `max_memory` and of `max_seconds`; the
-    method takes the last two if there is a note. `style` has the color and the marker, others are the
-    attributes of `MethodInfo`. The docstring lacks Parameters, and its Examples the imports and the problem.
+    `facts` has by name the label, idea, complexity, color and marker, and citation of `MethodInfo`. `notes`
+    add to the meaning of a field (of both frames: "lrf"), of `max_memory` and of `max_seconds`; the method
+    takes the last two if there is a note. The docstring lacks Parameters, and its Examples the imports and
+    the problem.
     """
+    label, idea, complexity, style, citation = facts[name]
     fields, optional_fields, options = DESCRIBED[name]
     described = {each: MethodOption(*what) for each, what in options.items()}
     parameters = [
@@ -175,14 +176,17 @@ def method(
         DECLARED[name] = MethodInfo(
             name=name,
             function=function,
-            in_paper=in_paper,
+            label=label,
+            idea=idea,
+            complexity=complexity,
             color=style[:-2],
             marker=style[-1],
+            citation=citation,
+            in_paper=in_paper,
             individual=individual,
             fields=tuple(fields),
             optional_fields=tuple(optional_fields),
             options=described,
-            **known,
         )
         return function
 

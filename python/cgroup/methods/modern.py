@@ -4,14 +4,31 @@ from cgroup.methods._declare import method
 
 _REFUSED = "A larger graph is refused."
 
+_FACTS = {  # label, idea, cost in n matches, color and marker, source
+    "lc": ("LC", "pose that beats chance", "n²", "#000000 h", "this library"),
+    "mac": ("MAC", "every maximal clique", "n² + cliques", "#0077BB 8", "Zhang et al., CVPR 2023"),
+    "sc2pcr": ("SC2-PCR", "sets with common others", "n²", "#E69F00 >", "Chen et al., CVPR 2022"),
+    "turboreg": ("TurboReg", "triangles on heavy pairs", "n²", "#56B4E9 p", "Yan et al., ICCV 2025"),
+    "teaser": (
+        "TEASER++",
+        "clique, truncated fit",
+        "n² + search",
+        "#E8601C H",
+        "Yang, Shi, Carlone, T-RO 2021",
+    ),
+    "clipper": (
+        "CLIPPER",
+        "densest agreeing set",
+        "n² + agreeing pairs per step",
+        "#4EB265 d",
+        "Lusk, Fathian, How, ICRA 2021",
+    ),
+}
+
 
 @method(
     "lc",
-    label="LC",
-    idea="pose that beats chance",
-    complexity="n²",
-    style="#000000 h",
-    citation="this library",
+    _FACTS,
     notes={
         "ratio": "Without it, all matches are equally likely beforehand.",
         "lrf": "A match without frames is judged by its position.",
@@ -55,11 +72,7 @@ def lc() -> None:
 
 @method(
     "mac",
-    label="MAC",
-    idea="every maximal clique",
-    complexity="n² + cliques",
-    style="#0077BB 8",
-    citation="Zhang et al., CVPR 2023",
+    _FACTS,
     notes={
         "max_seconds": "End the search for cliques after this time, with the cliques found by then. Only "
         "then does the result depend on the machine and on the number of threads.",
@@ -99,11 +112,7 @@ def mac() -> None:
 
 @method(
     "sc2pcr",
-    label="SC2-PCR",
-    idea="sets with common others",
-    complexity="n²",
-    style="#E69F00 >",
-    citation="Chen et al., CVPR 2022",
+    _FACTS,
     notes={
         "candidates": "Such as those of its 100 nearest descriptors (`cgroup.features.match`, k=100). The "
         "pose is then chosen as in SC2-PCR++ (Chen et al., TPAMI 2023): each of the 50 poses "
@@ -145,11 +154,7 @@ def sc2pcr() -> None:
 
 @method(
     "turboreg",
-    label="TurboReg",
-    idea="triangles on heavy pairs",
-    complexity="n²",
-    style="#56B4E9 p",
-    citation="Yan et al., ICCV 2025",
+    _FACTS,
     notes={
         "max_memory": "Where the graph of compatible pairs (n^2 / 8 bytes) is larger, only the "
         "correspondences that are compatible with the most others, as many as fit, give "
@@ -181,15 +186,7 @@ def turboreg() -> None:
     """
 
 
-@method(
-    "teaser",
-    label="TEASER++",
-    idea="clique, truncated fit",
-    complexity="n² + search",
-    style="#E8601C H",
-    citation="Yang, Shi, Carlone, T-RO 2021",
-    notes={"max_memory": _REFUSED},
-)
+@method("teaser", _FACTS, notes={"max_memory": _REFUSED})
 def teaser() -> None:
     """TEASER++: truncated least squares, after pruning those that disagree in pairs.
 
@@ -221,11 +218,7 @@ def teaser() -> None:
 
 @method(
     "clipper",
-    label="CLIPPER",
-    idea="densest agreeing set",
-    complexity="n² + agreeing pairs per step",
-    style="#4EB265 d",
-    citation="Lusk, Fathian, How, ICRA 2021",
+    _FACTS,
     notes={"max_memory": f"{_REFUSED} Affinities that don't fit are recomputed in each step."},
 )
 def clipper() -> None:

@@ -4,17 +4,26 @@ from cgroup.methods._declare import method
 
 _RECOMPUTED = "A larger matrix is recomputed row by row, with the same result."
 
+_FACTS = {  # label, idea, cost in n matches, color and marker, source
+    "ss": ("SS", "alike descriptors", "n", "#DDCC77 o", "Yang et al., TPAMI 2019"),
+    "nnsr": ("NNSR", "distinct descriptors", "n", "#999933 s", "Lowe, IJCV 2004"),
+    "si": ("SI", "votes under its own pose", "n log n + n k", "#88CCEE ^", "Buch et al., CVPR 2014"),
+    "cv": ("CV", "votes by distance, frame", "n k", "#44AA99 v", "Yang et al., 2019"),
+    "ransac": (
+        "RANSAC",
+        "best of random triples",
+        "n iterations",
+        "#117733 D",
+        "Fischler, Bolles, CACM 1981",
+    ),
+    "st": ("ST", "principal eigenvector", "n² per power step", "#AA4499 P", "Leordeanu, Hebert, ICCV 2005"),
+    "gc": ("GC", "largest star of a seed", "n²", "#882255 X", "Chen, Bhanu, PRL 2007"),
+    "3dhv": ("3DHV", "votes for the centre", "n log n", "#CC6677 <", "Tombari, Di Stefano, PSIVT 2010"),
+    "gtm": ("GTM", "survivors of a game", "n² per step", "#332288 *", "Rodola et al., IJCV 2013"),
+}
 
-@method(
-    "ss",
-    label="SS",
-    idea="alike descriptors",
-    complexity="n",
-    style="#DDCC77 o",
-    citation="Yang et al., TPAMI 2019",
-    individual=True,
-    notes={"similarity": "-inf is never selected."},
-)
+
+@method("ss", _FACTS, individual=True, notes={"similarity": "-inf is never selected."})
 def ss() -> None:
     """Similarity score (SS): keep correspondences whose descriptors are similar.
 
@@ -36,15 +45,7 @@ def ss() -> None:
     """
 
 
-@method(
-    "nnsr",
-    label="NNSR",
-    idea="distinct descriptors",
-    complexity="n",
-    style="#999933 s",
-    citation="Lowe, IJCV 2004",
-    individual=True,
-)
+@method("nnsr", _FACTS, individual=True)
 def nnsr() -> None:
     """Nearest-neighbour similarity ratio (NNSR): keep the distinctive correspondences.
 
@@ -66,15 +67,7 @@ def nnsr() -> None:
     """
 
 
-@method(
-    "si",
-    label="SI",
-    idea="votes under its own pose",
-    complexity="n log n + n k",
-    style="#88CCEE ^",
-    citation="Buch et al., CVPR 2014",
-    individual=True,
-)
+@method("si", _FACTS, individual=True)
 def si() -> None:
     """Search of inliers (SI): votes of neighbours, then of the most distinctive.
 
@@ -95,15 +88,7 @@ def si() -> None:
     """
 
 
-@method(
-    "cv",
-    label="CV",
-    idea="votes by distance, frame",
-    complexity="n k",
-    style="#44AA99 v",
-    citation="Yang et al., 2019",
-    individual=True,
-)
+@method("cv", _FACTS, individual=True)
 def cv() -> None:
     """Consistency voting (CV): votes of the most distinctive correspondences.
 
@@ -124,14 +109,7 @@ def cv() -> None:
     """
 
 
-@method(
-    "ransac",
-    label="RANSAC",
-    idea="best of random triples",
-    complexity="n iterations",
-    style="#117733 D",
-    citation="Fischler, Bolles, CACM 1981",
-)
+@method("ransac", _FACTS)
 def ransac() -> None:
     """Random sample consensus (RANSAC): the sampled motion with the most inliers.
 
@@ -152,15 +130,7 @@ def ransac() -> None:
     """
 
 
-@method(
-    "st",
-    label="ST",
-    idea="principal eigenvector",
-    complexity="n² per power step",
-    style="#AA4499 P",
-    citation="Leordeanu, Hebert, ICCV 2005",
-    notes={"similarity": 'Needed for ``diagonal="score"``.', "max_memory": _RECOMPUTED},
-)
+@method("st", _FACTS, notes={"similarity": 'Needed for ``diagonal="score"``.', "max_memory": _RECOMPUTED})
 def st() -> None:
     """Spectral technique (ST): the main cluster of the pairwise affinity matrix.
 
@@ -183,11 +153,7 @@ def st() -> None:
 
 @method(
     "gc",
-    label="GC",
-    idea="largest star of a seed",
-    complexity="n²",
-    style="#882255 X",
-    citation="Chen, Bhanu, PRL 2007",
+    _FACTS,
     notes={
         "similarity": "For the order of the clique variant.",
         "max_memory": "For the clique variant, whose consistent pairs take n^2 / 8 bytes; beyond the limit "
@@ -216,11 +182,7 @@ def gc() -> None:
 
 @method(
     "3dhv",
-    label="3DHV",
-    idea="votes for the centre",
-    complexity="n log n",
-    style="#CC6677 <",
-    citation="Tombari, Di Stefano, PSIVT 2010",
+    _FACTS,
     notes={
         "similarity": "Needed for `distance_weight`.",
         "source_centroid": "Without it, the mean of `source` is used, and `diagnostics` has "
@@ -248,15 +210,7 @@ def hough3d() -> None:
     """
 
 
-@method(
-    "gtm",
-    label="GTM",
-    idea="survivors of a game",
-    complexity="n² per step",
-    style="#332288 *",
-    citation="Rodola et al., IJCV 2013",
-    notes={"resolution": "For the second payoff.", "max_memory": _RECOMPUTED},
-)
+@method("gtm", _FACTS, notes={"resolution": "For the second payoff.", "max_memory": _RECOMPUTED})
 def gtm() -> None:
     """Game theory matching (GTM): correspondences that agree with survivors survive.
 

@@ -21,19 +21,7 @@ from cgroup._checks.arrays import as_points, as_rows
 from cgroup._checks.values import as_named
 from cgroup._show.drawing import Drawing
 from cgroup.evaluation import score_group
-from cgroup.plots import style
-from cgroup.plots.shading import (
-    Extent,
-    Picture,
-    choose_rows,
-    color_range,
-    distances,
-    face_broadside,
-    find_front,
-    paint,
-    planes,
-    shade,
-)
+from cgroup.plots import shading, style
 from cgroup.rigid import apply
 from cgroup.types import AnyCloud, BoolArray, Correspondences, FloatArray, IndexArray
 
@@ -210,8 +198,8 @@ def keypoints_figure(points: AnyCloud, keypoints: Mapping[str, ArrayLike], *, ti
     """
     cloud = as_points("points", points)
     as_named("keypoints", keypoints, "give a dict of rows by the name of the detector")
-    projected = face_broadside(cloud).project(cloud)
-    picture, visible = shade(projected, style.TARGET_TINT), find_front(projected)
+    projected = shading.face_broadside(cloud).project(cloud)
+    picture, visible = shading.shade(projected, style.TARGET_TINT), shading.find_front(projected)
     left, right, bottom, top = picture.extent
     columns = min(2, len(keypoints))
     rows = -(-len(keypoints) // columns)
@@ -253,10 +241,10 @@ class PairDrawing:
 
     def __init__(self, source: AnyCloud, target: AnyCloud, pose: FloatArray) -> None:
         where = as_points("target", target)
-        view = face_broadside(where)
+        view = shading.face_broadside(where)
         self._axes, self._pose = view.axes[:2], pose
         self._clouds = view.project(apply(pose, as_points("source", source))), view.project(where)
-        self._pictures = shade(self._clouds[0], _TINTS[0]), shade(self._clouds[1], _TINTS[1])
+        self._pictures = shading.shade(self._clouds[0], _TINTS[0]), shading.shade(self._clouds[1], _TINTS[1])
         (left, right, low, high), (start, end, bottom, top) = (each.extent for each in self._pictures)
         aside = right - start + _GAP * max(right - left, end - start)
         self._shift = np.array([aside, 0.0])  # of the target
@@ -278,14 +266,14 @@ class PairDrawing:
 
     def draw_agreement(self, axes: Axes, matches: Correspondences) -> ScalarMappable:
         """Draw both clouds under the pose, coloured by distance; return the colours."""
-        end = color_range(matches, self._clouds[1])
+        end = shading.color_range(matches, self._clouds[1])
         colors = ScalarMappable(Normalize(0.0, end), _DISTANCES)
-        clouds = [cloud[choose_rows(cloud, _MOST)] for cloud in self._clouds]
+        clouds = [cloud[shading.choose_rows(cloud, _MOST)] for cloud in self._clouds]
         values = [
-            distances(cloud, planes(cloud), other, end)
+            shading.distances(cloud, shading.planes(cloud), other, end)
             for cloud, other in zip(clouds, self._clouds[::-1], strict=True)
         ]
-        picture = paint(
+        picture = shading.paint(
             np.concatenate(clouds), np.concatenate(values), lambda mean: colors.to_rgba(mean)[..., :3]
         )
         show(axes, picture)
@@ -323,7 +311,7 @@ def spread(rows: IndexArray, most: int) -> IndexArray:
     return rows[np.linspace(0, len(rows) - 1, most).astype(np.int64)]
 
 
-def show(axes: Axes, picture: Picture, extent: Extent | None = None) -> None:
+def show(axes: Axes, picture: shading.Picture, extent: shading.Extent | None = None) -> None:
     """Draw a picture, at its own or a given extent."""
     axes.imshow(picture.rgba, extent=extent or picture.extent, origin="lower", interpolation="nearest")
 
@@ -334,7 +322,7 @@ def caption(axes: Axes, name: str, numbers: str = "") -> None:
     axes.set_title(numbers, loc="right", fontsize=9, color=style.QUIET_TEXT)
 
 
-def _fit(axes: Axes, *extents: Extent) -> None:
+def _fit(axes: Axes, *extents: shading.Extent) -> None:
     left, right, bottom, top = zip(*extents, strict=True)
     margin = 0.02 * (max(right) - min(left))
     axes.set_xlim(min(left) - margin, max(right) + margin)

@@ -41,19 +41,15 @@ def check_fields(**given: Any) -> Fields:  # noqa: ANN401 - by name, None for th
     """Check shapes and types, with as few copies as possible. Methods of scores alone need no points."""
     source = real_points("source", given.pop("source")) if "source" in given else None
     rows = None if source is None else len(source)
-    _check_frames_on_both_sides(given.get("source_lrf"), given.get("target_lrf"))
+    missing = [name for name in ("source_lrf", "target_lrf") if given.get(name) is None]
+    if len(missing) == 1:
+        raise InputError(missing[0], remedy="missing; frames are needed on both sides or on neither")
     checked = {
         name: _CHECKS[name](name, value, rows)
         for name, value in given.items()
         if value is not None or name == "target"
     }
     return Fields(source=source, **checked)
-
-
-def _check_frames_on_both_sides(source_lrf: ArrayLike | None, target_lrf: ArrayLike | None) -> None:
-    if (source_lrf is None) != (target_lrf is None):
-        missing = "source_lrf" if source_lrf is None else "target_lrf"
-        raise InputError(missing, remedy="missing; frames are needed on both sides or on neither")
 
 
 def _partners(name: str, target: object, rows: int) -> RealArray:
@@ -148,7 +144,8 @@ class Correspondences:
     ) -> None:
         given = {name: value for name, value in locals().items() if name != "self"}
         fields = check_fields(**given)
-        _take_fields(self, Fields(*(_copied(value) for value in fields)))
+        copies: list[Any] = [each.copy() if isinstance(each, np.ndarray) else each for each in fields]
+        _take_fields(self, Fields(*copies))
 
     def __len__(self) -> int:
         return len(self.source)
@@ -210,7 +207,3 @@ def _take_fields(matches: Correspondences, fields: Fields) -> None:
         if isinstance(value, np.ndarray):
             value.flags.writeable = False
         object.__setattr__(matches, name, value)
-
-
-def _copied(value: RealArray | float | None) -> Any:  # noqa: ANN401 - of the same kind
-    return value.copy() if isinstance(value, np.ndarray) else value

@@ -10,15 +10,7 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cgroup._checks.arrays import (
-    FloatArray,
-    IndexArray,
-    as_colors,
-    as_faces,
-    as_points,
-    in_double,
-    real_normals,
-)
+from cgroup._checks import arrays
 from cgroup._checks.foreign import cloud_parts
 from cgroup.rigid import apply, check_rigid
 
@@ -89,12 +81,12 @@ class PointCloud:
     2
     """
 
-    points: FloatArray
-    normals: FloatArray | None = None
-    faces: IndexArray | None = None
+    points: arrays.FloatArray
+    normals: arrays.FloatArray | None = None
+    faces: arrays.IndexArray | None = None
     colors: NDArray[np.uint8] | None = None
     dropped: int = 0
-    viewpoint: FloatArray | None = None
+    viewpoint: arrays.FloatArray | None = None
 
     def __len__(self) -> int:
         """Return the number of points."""
@@ -151,14 +143,20 @@ def find_cloud(name: str, cloud: object) -> PointCloud | None:
     parts = cloud_parts(name, cloud)
     if parts is None:
         return None
-    normals = None if parts.normals is None else in_double(real_normals(f"{name}.normals", parts.normals))
-    faces = None if parts.faces is None else as_faces(f"{name}.faces", parts.faces)
-    points = as_points(name, parts.points)
-    return PointCloud(points, normals, faces, as_colors(parts.colors, len(points)), viewpoint=parts.viewpoint)
+    normals = (
+        None
+        if parts.normals is None
+        else arrays.in_double(arrays.real_normals(f"{name}.normals", parts.normals))
+    )
+    faces = None if parts.faces is None else arrays.as_faces(f"{name}.faces", parts.faces)
+    points = arrays.as_points(name, parts.points)
+    return PointCloud(
+        points, normals, faces, arrays.as_colors(parts.colors, len(points)), viewpoint=parts.viewpoint
+    )
 
 
 def as_cloud(name: str, cloud: AnyCloud) -> PointCloud:
     """Return a `PointCloud` of points in any form."""
     if isinstance(cloud, PointCloud):
         return cloud
-    return find_cloud(name, cloud) or PointCloud(as_points(name, cloud))
+    return find_cloud(name, cloud) or PointCloud(arrays.as_points(name, cloud))

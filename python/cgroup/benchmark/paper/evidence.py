@@ -7,15 +7,7 @@ from typing import TypeAlias
 import numpy as np
 import pandas as pd
 
-from cgroup.benchmark.paper import (
-    EXPERIMENTS,
-    GENERATED,
-    OF_THE_PAPER,
-    PAPER_EPSILON,
-    PLACES,
-    VARIANTS,
-    Experiment,
-)
+from cgroup.benchmark import paper
 from cgroup.evaluation.bins import binned
 from cgroup.registry import PAPER_METHODS
 from cgroup.types import BoolArray, FloatArray
@@ -37,7 +29,7 @@ class Sample:
     `place` is the data set of the paper that `dataset` replaces.
     """
 
-    experiment: Experiment
+    experiment: paper.Experiment
     place: str
     dataset: str
     rows: pd.DataFrame
@@ -74,8 +66,10 @@ class Sample:
         counts = pairs.groupby("origin").size()
         origins = " + ".join(f"{count} {origin}" for origin, count in counts.items())
         noun = "pair" if len(pairs) == 1 else "pairs"
-        replaces = f" in place of {self.place}" if self.place and self.dataset not in OF_THE_PAPER else ""
-        kind = " stand-in" if self.dataset.startswith(GENERATED) else ""
+        replaces = (
+            f" in place of {self.place}" if self.place and self.dataset not in paper.OF_THE_PAPER else ""
+        )
+        kind = " stand-in" if self.dataset.startswith(paper.GENERATED) else ""
         return f"{self.dataset}{replaces} ({origins}{kind} {noun})"
 
 
@@ -94,7 +88,9 @@ class Evidence:
         """
         key = (experiment, place, every_method)
         if key not in self._samples:
-            self._samples[key] = self._find_sample(EXPERIMENTS[experiment], place, every_method=every_method)
+            self._samples[key] = self._find_sample(
+                paper.EXPERIMENTS[experiment], place, every_method=every_method
+            )
         return self._samples[key]
 
     def same_cases(self, place: str, methods: tuple[str, ...]) -> Sample | None:
@@ -102,19 +98,19 @@ class Evidence:
         if self._usable.empty:
             return None
         rows = self._usable[self._at_threshold & self._usable["method"].isin(methods)]
-        for dataset in PLACES[place]:
+        for dataset in paper.PLACES[place]:
             chosen = rows[rows["dataset"] == dataset]
             counts = chosen.groupby("case")["method"].nunique()
             shared = chosen[chosen["case"].isin(counts.index[counts == len(methods)])]
             if len(shared):
-                return Sample(VARIANTS, place, dataset, shared.assign(x=0.0))
+                return Sample(paper.VARIANTS, place, dataset, shared.assign(x=0.0))
         return None
 
     def samples(self, *, every_method: bool = True) -> list[Sample]:
         """List all samples, in the paper's order."""
         found = (
             self.sample(each.id, place, every_method=every_method)
-            for each in EXPERIMENTS.values()
+            for each in paper.EXPERIMENTS.values()
             for place in each.places
         )
         return [sample for sample in found if sample is not None]
@@ -127,7 +123,7 @@ class Evidence:
         """
         if self._usable.empty:
             return []
-        own = {name for ids in self._usable["experiments"] for name in ids} - set(EXPERIMENTS)
+        own = {name for ids in self._usable["experiments"] for name in ids} - set(paper.EXPERIMENTS)
         at_threshold = self._usable[self._at_threshold]
         found: list[Sample] = []
         for name in sorted(own):
@@ -145,9 +141,9 @@ class Evidence:
 
     @cached_property
     def _at_threshold(self) -> BoolArray:
-        return np.isclose(self._usable["epsilon"], PAPER_EPSILON)
+        return np.isclose(self._usable["epsilon"], paper.PAPER_EPSILON)
 
-    def _find_sample(self, experiment: Experiment, place: str, *, every_method: bool) -> Sample | None:
+    def _find_sample(self, experiment: paper.Experiment, place: str, *, every_method: bool) -> Sample | None:
         if self._usable.empty:
             return None
         chosen = self._usable["experiments"].map(lambda ids: experiment.id in ids).to_numpy(dtype=bool)
@@ -157,7 +153,7 @@ class Evidence:
             chosen = chosen & self._usable["level"].notna().to_numpy()
         if not every_method:
             chosen = chosen & self._usable["method"].isin(PAPER_METHODS).to_numpy()
-        for dataset in PLACES[place]:
+        for dataset in paper.PLACES[place]:
             rows = self._usable[chosen & (self._usable["dataset"] == dataset).to_numpy()]
             if len(rows):
                 # The paper has no pairs outside its levels, such as views that hardly overlap.
@@ -179,12 +175,12 @@ def mean_times(timing: pd.DataFrame) -> pd.DataFrame:
 def _make_own_sample(name: str, dataset: str, rows: pd.DataFrame) -> Sample:
     varied = [column for column in _VARIED if len(rows[column].dropna().unique()) > 1]
     column = varied[0] if varied else ""
-    experiment = Experiment(name, name, column, _VARIED.get(column, ""), ())
+    experiment = paper.Experiment(name, name, column, _VARIED.get(column, ""), ())
     levels = _find_levels(rows, experiment) if column else np.nan
     return Sample(experiment, "", dataset, rows.assign(x=levels))
 
 
-def _find_levels(rows: pd.DataFrame, experiment: Experiment) -> pd.Series | FloatArray:
+def _find_levels(rows: pd.DataFrame, experiment: paper.Experiment) -> pd.Series | FloatArray:
     """Return the value of the varied quantity for each record; NaN outside all levels."""
     if experiment.bins is not None:
         return binned(rows[experiment.column].to_numpy(), experiment.bins)

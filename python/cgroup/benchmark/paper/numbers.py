@@ -13,20 +13,9 @@ from typing import Literal, NamedTuple
 import numpy as np
 import pandas as pd
 
-from cgroup.benchmark.paper import EXPERIMENTS
+from cgroup.benchmark.paper import EXPERIMENTS, words
 from cgroup.benchmark.paper.evidence import Level
 from cgroup.benchmark.paper.table import MATCHES, TIMING, NotTestableError, Pick, Source, Witness
-from cgroup.benchmark.paper.words import (
-    compare_rankings,
-    correlate_with_levels,
-    join,
-    join_names,
-    name,
-    name_level,
-    noun_of_levels,
-    show_score,
-    show_time,
-)
 from cgroup.types import FloatArray
 
 TIE, TIME_TIE = 0.01, math.log(1.05)  # largest difference of a tie, of scores and of logarithms of times
@@ -52,29 +41,15 @@ class Row(NamedTuple):
 
 @dataclass(frozen=True)
 class Numbers:
-    """Rows of numbers.
+    """Rows of numbers; `find` returns them, given the table and the methods that must be in it."""
 
-    Attributes
-    ----------
-    what, where, whose : str
-        The quantity, the rows and the columns, in words.
-    find : callable
-        Returns the rows, given the table and the methods that must be in it.
-    show : callable
-        Formats a number.
-    tie : float
-        Largest difference of a tie.
-    superlative : str
-        Word for the highest number.
-    """
-
-    what: str
-    where: str
+    what: str  # the quantity in words
+    where: str  # the rows in words
     find: Callable[[Witness, tuple[str, ...]], list[Row]]
-    whose: str = "each method"
-    show: Callable[[float], str] = show_score
-    tie: float = TIE
-    superlative: str = "best"
+    whose: str = "each method"  # the columns in words
+    show: Callable[[float], str] = words.show_score
+    tie: float = TIE  # largest difference of a tie
+    superlative: str = "best"  # word for the highest number
 
 
 def levels(measure: str, *given: Source | Pick) -> Numbers:
@@ -85,14 +60,14 @@ def levels(measure: str, *given: Source | Pick) -> Numbers:
     def find(witness: Witness, methods: tuple[str, ...]) -> list[Row]:
         tables = [(each, witness.read_levels(each, measure, methods)) for each in sources]
         return [
-            Row(name_level(source.experiment, level), table.loc[level], level)
+            Row(words.name_level(source.experiment, level), table.loc[level], level)
             for source, table in tables
             for level in (pick.choose(list(table.index)) if pick else table.index)
         ]
 
-    nouns = (noun_of_levels(each.experiment) for each in sources)
+    nouns = (words.noun_of_levels(each.experiment) for each in sources)
     picked = f" {pick.words}" if pick else ""
-    where = f"at each {' and each '.join(nouns)}{picked} on {join(source.place for source in sources)}"
+    where = f"at each {' and each '.join(nouns)}{picked} on {words.join(source.place for source in sources)}"
     whose = MATCHES if measure in {"inlier_ratio", "correct"} else "each method"
     return Numbers(_WHAT[measure], where, find, whose)
 
@@ -106,8 +81,8 @@ def overall(measure: str, *sources: Source) -> Numbers:
             for each in sources
         ]
 
-    where = f"over all levels of {join(f'{each.experiment} ({each.place})' for each in sources)}"
-    show = "{:.0f}".format if measure == "selected" else show_score
+    where = f"over all levels of {words.join(f'{each.experiment} ({each.place})' for each in sources)}"
+    show = "{:.0f}".format if measure == "selected" else words.show_score
     return Numbers(_WHAT.get(measure, measure), where, find, show=show)
 
 
@@ -121,10 +96,12 @@ def everywhere(measure: str, methods: Sequence[str], *needed: Source, without: s
         for experiment, place in witness.table.origins:
             if experiment in EXPERIMENTS and experiment != without:
                 table = witness.table.by_level((experiment, place), measure).reindex(columns=list(methods))
-                rows += [Row(f"{place}, {name_level(experiment, at)}", table.loc[at]) for at in table.index]
+                rows += [
+                    Row(f"{place}, {words.name_level(experiment, at)}", table.loc[at]) for at in table.index
+                ]
         return rows
 
-    places = join(source.place for source in needed)
+    places = words.join(source.place for source in needed)
     where = f"at each level of each experiment but '{without}'; needs '{needed[0].experiment}' on {places}"
     return Numbers(_WHAT[measure], where, find)
 
@@ -141,7 +118,12 @@ def times(superlative: Literal["longest", "shortest"], *, largest: int | None = 
 
     where = {None: "at each n", 0: "at the largest n"}.get(largest, f"at the largest n, at least {largest}")
     return Numbers(
-        "time", where, find, show=lambda value: show_time(sign * value), tie=TIME_TIE, superlative=superlative
+        "time",
+        where,
+        find,
+        show=lambda value: words.show_time(sign * value),
+        tie=TIME_TIE,
+        superlative=superlative,
     )
 
 
@@ -160,10 +142,10 @@ def lead(methods: Sequence[str], numbers: Numbers, *, worst: bool = False) -> Nu
     def find_lead(scores: pd.Series) -> pd.Series:
         is_named = scores.index.isin(list(methods))
         ours = scores[is_named].min() if worst else scores[is_named].mean()
-        return pd.Series({join_names(methods): ours - scores[~is_named].max()})
+        return pd.Series({words.join_names(methods): ours - scores[~is_named].max()})
 
     which = "the lowest of " if worst else "the mean of " if len(methods) > 1 else ""
-    whose = f"{which}{join_names(methods)} over the best other"
+    whose = f"{which}{words.join_names(methods)} over the best other"
     return _of_each(numbers, f"lead in {numbers.what}", find_lead, whose)
 
 
@@ -172,8 +154,8 @@ def behind(method: str, numbers: Numbers) -> Numbers:
     return _of_each(
         numbers,
         f"deficit in {numbers.what}",
-        lambda scores: pd.Series({name(method): scores.drop(method).min() - scores[method]}),
-        f"{name(method)} behind the next worst",
+        lambda scores: pd.Series({words.name(method): scores.drop(method).min() - scores[method]}),
+        f"{words.name(method)} behind the next worst",
     )
 
 
@@ -185,7 +167,7 @@ def beside_median(numbers: Numbers) -> Numbers:
 
 def distance(one: str, other: str, numbers: Numbers) -> Numbers:
     """Absolute difference of two methods."""
-    both = join_names((one, other))
+    both = words.join_names((one, other))
     what, methods = f"difference in {numbers.what}", (one, other)
     return _of_each(
         numbers, what, lambda scores: pd.Series({both: abs(scores[one] - scores[other])}), both, methods
@@ -250,7 +232,7 @@ def swing(numbers: Numbers) -> Numbers:
 
 def growth(numbers: Numbers) -> Numbers:
     """Spearman's rank correlation of each method's numbers with the level."""
-    found = _each_method(lambda at, values: correlate_with_levels(map(float, at), values))
+    found = _each_method(lambda at, values: words.correlate_with_levels(map(float, at), values))
     return _over(numbers, f"Spearman correlation of {numbers.what} and level", found, least=3)
 
 
@@ -260,7 +242,7 @@ def stability(numbers: Numbers, *, mean: bool = False) -> Numbers:
     def find(witness: Witness, methods: tuple[str, ...]) -> list[Row]:
         rows = _need_rows(numbers.find(witness, methods), 2)
         pairs = list(itertools.combinations(rows, 2) if mean else itertools.pairwise(rows))
-        taus = [compare_rankings(one.scores, other.scores) for one, other in pairs]
+        taus = [words.compare_rankings(one.scores, other.scores) for one, other in pairs]
         if mean:
             return [Row("any two", pd.Series({"any two": sum(taus) / len(taus)}))]
         labels = [f"{one.label} and {other.label}" for one, other in pairs]
@@ -275,10 +257,10 @@ def count_orders(methods: Sequence[str], numbers: Numbers) -> Numbers:
 
     def combine(rows: list[Row]) -> tuple[str, pd.Series]:
         orders = {tuple(row.scores[list(methods)].sort_values().index) for row in rows}
-        return "all", pd.Series({join_names(methods): float(len(orders))})
+        return "all", pd.Series({words.join_names(methods): float(len(orders))})
 
     found = _over(numbers, f"orders by {numbers.what}", combine)
-    return replace(found, whose=join_names(methods), show="{:.0f}".format)
+    return replace(found, whose=words.join_names(methods), show="{:.0f}".format)
 
 
 def over_others(wanted: Sequence[str], numbers: Numbers) -> Numbers:

@@ -118,10 +118,6 @@ class Witness:
         """Name the data that the claim used."""
         return "; ".join(dict.fromkeys(origin.description for origin in self.used.values()))
 
-    def list_generated(self) -> list[str]:
-        """List the generated data sets that the claim used."""
-        return list(dict.fromkeys(name for origin in self.used.values() for name in origin.generated))
-
 
 def make_table(evidence: Evidence) -> ClaimTable:
     """Compute all means that the claims compare."""

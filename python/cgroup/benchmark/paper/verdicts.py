@@ -66,7 +66,7 @@ def judge(check: Check, table: ClaimTable) -> dict[str, Any]:
     except NotTestableError as missing:
         measured = str(missing)
     else:
-        generated = witness.list_generated()
+        generated = dict.fromkeys(name for origin in witness.used.values() for name in origin.generated)
         if generated:
             measured = f"{ON_GENERATED} ({', '.join(generated)}). On them: {measured}"
         else:

@@ -1,7 +1,7 @@
 """Charts of the report: as figures in files, and as numbers for plotly in the page."""
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
 from html import escape
 from io import BytesIO
@@ -9,17 +9,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import pandas as pd
 from matplotlib.figure import Figure
 
 from cgroup.benchmark.report.cells import Table
-from cgroup.benchmark.stats import bootstrap, name_units
 from cgroup.evaluation.bins import LEAST_PAIRS
 from cgroup.io import write_file
 from cgroup.io.result_folders import make_folder
 from cgroup.pages.page import chart_html
 from cgroup.plots.charts import Chart
-from cgroup.plots.experiments import Estimate
 from cgroup.plots.style import MethodStyle, method_styles
 
 RESOLUTION = 150  # dots per inch of PNG files
@@ -112,24 +109,6 @@ def _render_figure(figure: Figure, kind: str, metadata: dict[str, Any] | None = 
     buffer = BytesIO()
     figure.savefig(buffer, format=kind, dpi=RESOLUTION, metadata=metadata)
     return buffer.getvalue()
-
-
-def estimate_with_intervals(rows: pd.DataFrame, columns: Sequence[str]) -> dict[str, dict[str, Estimate]]:
-    """Return means over pairs with their intervals; without intervals for too few pairs."""
-    pairs = rows[["dataset", "pair"]].drop_duplicates()
-    units = dict(zip(zip(pairs["dataset"], pairs["pair"], strict=True), name_units(pairs), strict=True))
-    keys = [units[key] for key in zip(rows["dataset"], rows["pair"], strict=True)]
-    values = rows[list(columns)].astype(float).assign(unit=keys, method=rows["method"].to_numpy())
-    grouped = values.groupby(["unit", "method"], sort=False)
-    sums, counts = (table.unstack("method").fillna(0.0) for table in (grouped.sum(), grouped.count()))  # noqa: PD010 - of a sum
-    numbers = rows.groupby("method")["pair"].nunique()
-    intervals = bootstrap(sums.to_numpy(np.float64), counts.to_numpy(np.float64))
-    found: dict[str, dict[str, Estimate]] = {column: {} for column in columns}
-    for (column, method), (mean, low, high) in zip(sums.columns, intervals, strict=True):
-        several = numbers[method] >= LEAST_PAIRS and len(sums) >= LEAST_PAIRS
-        ends = (low, high) if several else (math.nan, math.nan)
-        found[column][method] = Estimate(mean, *ends, int(numbers[method]))
-    return found
 
 
 def _name_look(look: MethodStyle) -> dict[str, Any]:

@@ -4,10 +4,10 @@ import numpy as np
 import pandas as pd
 
 from cgroup.benchmark.report.cells import MISSING, Cell, Table, median, number, share, tabulate, words
-from cgroup.benchmark.report.charts import FigureFiles, Section, estimate_with_intervals
+from cgroup.benchmark.report.charts import FigureFiles, Section
+from cgroup.benchmark.report.curves import pipelines_chart, scenes_chart
 from cgroup.evaluation import ecdf
 from cgroup.evaluation.scene_scores import ROTATION_LIMITS, TRANSLATION_LIMITS
-from cgroup.plots.experiments import pipelines_chart, scenes_chart
 from cgroup.registration.pairwise import count_false_accepts, is_accepted
 from cgroup.types import FloatArray
 
@@ -24,7 +24,7 @@ def make_registration_section(frame: pd.DataFrame, figures: FigureFiles) -> Sect
     related = good[good["kind"] == "related"]
     counts = related.drop_duplicates(["set", "dataset", "pair"]).groupby("set", sort=False).size()
     title = ", ".join(f"{name} ({count})" for name, count in counts.items())
-    chart = pipelines_chart(good, estimate_with_intervals)
+    chart = pipelines_chart(good)
     shares = related.groupby("method")["right"].mean()
     alt = (
         f"Share of correct poses of {len(shares)} pipelines by overlap, by reported probability, and over "

@@ -11,18 +11,11 @@ from cgroup.benchmark import tables
 from cgroup.benchmark.paper import PAPER_COMPLEXITY, Experiment
 from cgroup.benchmark.paper.evidence import Evidence, Sample, mean_times
 from cgroup.benchmark.paper.numbers import TIE
+from cgroup.benchmark.report import curves
 from cgroup.benchmark.report.cells import MISSING, Cell, Table, method_cell, milliseconds, number, words
-from cgroup.benchmark.report.charts import FigureFiles, PageChart, Section, estimate_with_intervals
+from cgroup.benchmark.report.charts import FigureFiles, PageChart, Section
 from cgroup.evaluation.protocols import PROTOCOL_PREFIX
 from cgroup.plots.charts import Chart
-from cgroup.plots.experiments import (
-    draw_times,
-    matches_chart,
-    protocol_title,
-    rates_chart,
-    scores_chart,
-    times_chart,
-)
 from cgroup.plots.style import method_style
 
 
@@ -61,10 +54,13 @@ def _make_section(sample: Sample, anchor: str, title: str, figures: FigureFiles)
 
 def _chart_experiment(sample: Sample, anchor: str, figures: FigureFiles) -> PageChart:
     experiment, rows = sample.experiment, _name_combinations(sample)
-    by_method = experiment.label, figures.styles, estimate_with_intervals
-    charts = {"scores": scores_chart(rows, *by_method), "registration": rates_chart(rows, *by_method)}
+    by_method = rows, experiment.label, figures.styles
+    charts = {
+        "scores": curves.scores_chart(*by_method),
+        "registration": curves.rates_chart(*by_method),
+    }
     if experiment.id != "epsilon":  # the same matches at each threshold
-        charts["inliers"] = matches_chart(rows, experiment.label, estimate_with_intervals)
+        charts["inliers"] = curves.matches_chart(rows, experiment.label)
     title = f"{experiment.title}: {sample.description}"
     files = tuple(
         figures.save(f"{anchor}-{name}", chart.draw(title, columns=min(3, len(chart.panels))))
@@ -101,14 +97,14 @@ def chart_times(timing: pd.DataFrame, figures: FigureFiles) -> Section | None:
     fitted = tables.exponents(timing).set_index("method")["exponent"].to_dict()
     sources = ", ".join(timing["dataset"].unique())
     shown: dict[str, Any] = {"exponents": fitted, "complexities": PAPER_COMPLEXITY, "styles": figures.styles}
-    file = figures.save("time", draw_times(times, **shown, title=f"Time per grouping, {sources}"))
+    file = figures.save("time", curves.draw_times(times, **shown, title=f"Time per grouping, {sources}"))
     last = times.iloc[-1].dropna()
     alt = (
         f"Mean time of {len(times.columns)} methods over the number of matches of {sources}, logarithmic "
         f"axes; at n {times.index[-1]:,} {method_style(last.idxmin()).label} is the fastest, "
         f"{method_style(last.idxmax()).label} the slowest."
     )
-    chart = PageChart(file, alt, times_chart(times, **shown), (file,))
+    chart = PageChart(file, alt, curves.times_chart(times, **shown), (file,))
     return Section("Time", [timing_table(times, fitted)], chart)
 
 
@@ -145,7 +141,7 @@ def score_table(samples: Iterable[Sample]) -> Table:
         for sample, table in means
         for _, row in sorted(table.iterrows(), key=lambda each: method_cell(each[1]["method"]).key)
     ]
-    titles = [protocol_title(name.removeprefix(PROTOCOL_PREFIX)) for name in protocols]
+    titles = [curves.protocol_title(name.removeprefix(PROTOCOL_PREFIX)) for name in protocols]
     headers = ("experiment", "data set", "method", "records", "P", "R", "F", "registered", *titles)
     return Table("Means over pairs, each with the same weight", headers, rows)
 

@@ -72,9 +72,5 @@ def _show(standings: dict[str, Standing], method: str, *, certain: bool) -> tupl
     highest = mean == max(each.interval.mean for each in standings.values())
     return (
         Cell(text, mean, best=tied, interval=(mean, low, high)),
-        Cell(MISSING if highest else _show_p(p), p),
+        Cell(MISSING if highest else "< 0.001" if p < 0.001 else f"{p:.3f}", p),
     )
-
-
-def _show_p(p: float) -> str:
-    return "< 0.001" if p < 0.001 else f"{p:.3f}"

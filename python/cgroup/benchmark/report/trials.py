@@ -18,9 +18,9 @@ from cgroup.benchmark.report.cells import (
     tabulate,
     words,
 )
-from cgroup.benchmark.report.charts import FigureFiles, Section, estimate_with_intervals
+from cgroup.benchmark.report.charts import FigureFiles, Section
+from cgroup.benchmark.report.curves import protocol_title, trials_chart
 from cgroup.benchmark.stats import LEVEL, Interval, comparable, rank_methods
-from cgroup.plots.experiments import protocol_title, trials_chart
 
 _BY = {"method": "method"}
 
@@ -54,7 +54,7 @@ def _make_section(
     related = comparable(first)
     chart = None
     if figures is not None and len(related):
-        drawn = trials_chart(related, figures.styles, estimate_with_intervals)
+        drawn = trials_chart(related, figures.styles)
         shares = related.groupby("method")["right"].mean()
         alt = (
             f"Share of registered problems of {len(shares)} methods over their median time; "
@@ -132,10 +132,11 @@ def cost_table(rows: pd.DataFrame) -> Table:
     def reasons(first: pd.DataFrame) -> Cell:
         return words("; ".join(sorted({why for why in first["skipped"] if why.startswith("needs")})))
 
-    columns: dict[str, Any] = {
-        f"median ms, {_name_threads(threads)}": lambda mine, threads=threads: seconds(mine, threads)
-        for threads in sorted(rows["threads"].unique(), key=lambda count: count or math.inf)
-    }
+    names = {0: "all cores", 1: "1 thread"}
+    columns: dict[str, Any] = {}
+    for threads in sorted(rows["threads"].unique(), key=lambda count: count or math.inf):
+        header = f"median ms, {names.get(threads, f'{threads} threads')}"
+        columns[header] = lambda mine, threads=threads: seconds(mine, threads)
     of_fewest = {
         "longest ms": lambda first: milliseconds(first["seconds"].max()),
         "median MiB": lambda first: number(first["mebibytes"].median(), "{:.1f}"),
@@ -149,10 +150,6 @@ def cost_table(rows: pd.DataFrame) -> Table:
         columns[header] = lambda mine, make=make: make(with_fewest_threads(mine))
     caption = "Time and peak memory per call, and calls that did not end"
     return tabulate(caption, rows, _BY, columns, name=method_cell)
-
-
-def _name_threads(count: int) -> str:
-    return "all cores" if count == 0 else "1 thread" if count == 1 else f"{count} threads"
 
 
 def failure_table(rows: pd.DataFrame) -> Table:

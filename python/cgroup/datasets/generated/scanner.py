@@ -94,11 +94,6 @@ def range_image(mesh: Mesh, *, step: float, offset: FloatArray, two_sided: bool 
     return RangeImage(np.where(incidence < np.radians(MAX_INCIDENCE), depth, np.inf), corner, step)
 
 
-def angular_size(mesh: Mesh) -> float:
-    """Larger side of the mesh's image on the plane z = -1, for a mesh in the scanner's frame."""
-    return float(np.ptp(mesh.vertices[:, :2] / -mesh.vertices[:, 2:], axis=0).max())
-
-
 def _depth_image(mesh: Mesh, screen: FloatArray, *, two_sided: bool) -> tuple[FloatArray, FloatArray]:
     """Return depth and angle of incidence per pixel; infinite without a surface."""
     corners = screen[mesh.faces]

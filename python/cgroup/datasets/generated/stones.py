@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from cgroup.datasets.base import Dataset, MatchingPair, measure_clutter, posed_pair, view_pair
-from cgroup.datasets.generated.scanner import Mesh, angular_size, merge, range_image
+from cgroup.datasets.generated.scanner import Mesh, merge, range_image
 from cgroup.datasets.generated.shapes import RADIUS, random_direction, random_pose, stone
 from cgroup.errors import InputError
 from cgroup.rigid import invert
@@ -76,7 +76,8 @@ def _scan(
     mesh: Mesh, T_scanner_world: FloatArray, pixels: int, noise: float, rng: np.random.Generator
 ) -> PointCloud:
     seen = mesh.move(T_scanner_world)
-    step = angular_size(seen) / pixels
+    size = np.ptp(seen.vertices[:, :2] / -seen.vertices[:, 2:], axis=0).max()  # on the plane z = -1
+    step = float(size) / pixels
     image = range_image(seen, step=step, offset=rng.uniform(1, 2, size=2))
     ranges = image.ranges()
     spacing = step * float(np.median(ranges))

@@ -1,29 +1,25 @@
 """Charts of benchmark results: scores and registration over levels, times, single pairs.
 
-Values are means over pairs; an `Estimator` finds them, so that the report can add intervals.
+Values are means over pairs with their intervals.
 """
 
-# pandas ships no types, and guesses about it are often wrong.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportGeneralTypeIssues=false, reportIndexIssue=false
-
-from __future__ import annotations
-
 import itertools
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
+import pandas as pd
 from matplotlib.figure import Figure
 
+from cgroup.benchmark.stats import bootstrap, name_units
 from cgroup.evaluation import ecdf
-from cgroup.evaluation.protocols import PAPER_PROTOCOL, PROTOCOL_PREFIX
+from cgroup.evaluation.bins import LEAST_PAIRS
+from cgroup.evaluation.protocols import PAPER_PROTOCOL, PROTOCOL_PREFIX, PROTOCOLS
 from cgroup.plots import style
 from cgroup.plots.charts import Chart, Panel, Series, sort_methods
 from cgroup.plots.style import MethodStyle
-
-if TYPE_CHECKING:
-    import pandas as pd  # slow to load
 
 OVERLAP_EDGES = (0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.0)  # pairs are sorted into these classes of overlap
 PROBABILITY_EDGES = (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 1.0)  # poses are sorted into these classes of probability
@@ -64,55 +60,45 @@ class Estimate(NamedTuple):
 
 _NOTHING = Estimate(np.nan, np.nan, np.nan, 0)
 
-Estimator: TypeAlias = "Callable[[pd.DataFrame, Sequence[str]], Mapping[str, Mapping[str, Estimate]]]"
-"""Of rows with a column ``method`` and the names of numbers or flags, by name and method."""
+Estimates: TypeAlias = Mapping[str, Mapping[str, Estimate]]  # by column and method
 
 
-def estimate_means(rows: pd.DataFrame, columns: Sequence[str]) -> dict[str, dict[str, Estimate]]:
-    """Return means over pairs, without intervals; without pair names, each row is a pair."""
-    by_method = rows.astype(dict.fromkeys(columns, float)).groupby("method")
-    means = by_method[list(columns)].mean()
-    pairs = by_method["pair"].nunique() if "pair" in rows else by_method.size()
-    return {
-        column: {
-            str(method): Estimate(float(mean), np.nan, np.nan, int(pairs[method]))
-            for method, mean in means[column].dropna().items()
-        }
-        for column in columns
-    }
+def estimate(rows: pd.DataFrame, columns: Sequence[str]) -> Estimates:
+    """Return means over pairs with their intervals; without intervals for too few pairs."""
+    values = rows[list(columns)].astype(float).assign(unit=name_units(rows), method=rows["method"].to_numpy())
+    grouped = values.groupby(["unit", "method"], sort=False)
+    sums, counts = (table.unstack("method").fillna(0.0) for table in (grouped.sum(), grouped.count()))  # noqa: PD010 - of a sum
+    numbers = rows.groupby("method")["pair"].nunique()
+    intervals = bootstrap(sums.to_numpy(np.float64), counts.to_numpy(np.float64))
+    found: dict[str, dict[str, Estimate]] = {column: {} for column in columns}
+    for (column, method), (mean, low, high) in zip(sums.columns, intervals, strict=True):
+        several = numbers[method] >= LEAST_PAIRS and len(sums) >= LEAST_PAIRS
+        ends = (low, high) if several else (math.nan, math.nan)
+        found[column][method] = Estimate(mean, *ends, int(numbers[method]))
+    return found
 
 
 # --- Over the levels of an experiment ---------------------------------------------------------------------
 
 
-def scores_chart(
-    rows: pd.DataFrame,
-    xlabel: str,
-    styles: Mapping[str, MethodStyle] | None = None,
-    estimate: Estimator = estimate_means,
-) -> Chart:
+def scores_chart(rows: pd.DataFrame, xlabel: str, styles: Mapping[str, MethodStyle]) -> Chart:
     """Chart mean precision, recall and F over the levels in the column ``x``."""
     titles = {column: (title, f"mean {title}") for column, title in _SCORES.items()}
-    return _over_levels(rows, titles, xlabel, styles, estimate)
+    return _over_levels(rows, titles, xlabel, styles)
 
 
-def rates_chart(
-    rows: pd.DataFrame,
-    xlabel: str,
-    styles: Mapping[str, MethodStyle] | None = None,
-    estimate: Estimator = estimate_means,
-) -> Chart:
+def rates_chart(rows: pd.DataFrame, xlabel: str, styles: Mapping[str, MethodStyle]) -> Chart:
     """Chart the fraction of registered pairs, by each criterion that applies to some record."""
     strict = [name for name in rows.columns if name.startswith(PROTOCOL_PREFIX) and rows[name].notna().any()]
     titles = {"registered": PAPER_PROTOCOL} | {name: name.removeprefix(PROTOCOL_PREFIX) for name in strict}
     named = {column: (protocol_title(name), "share of pairs registered") for column, name in titles.items()}
-    return _over_levels(rows, named, xlabel, styles, estimate)
+    return _over_levels(rows, named, xlabel, styles)
 
 
-def matches_chart(rows: pd.DataFrame, xlabel: str, estimate: Estimator = estimate_means) -> Chart:
+def matches_chart(rows: pd.DataFrame, xlabel: str) -> Chart:
     """Chart the initial matches, which do not depend on the method."""
-    once = rows.drop_duplicates([*rows.columns.intersection(["dataset"]), "pair", "x"]).assign(method="all")
-    levels, found = _estimate_levels(once, ("n", "correct", "inlier_ratio"), estimate)
+    once = rows.drop_duplicates(["dataset", "pair", "x"]).assign(method="all")
+    levels, found = _estimate_levels(once, ("n", "correct", "inlier_ratio"))
     numbers = [_series(key, "all", column, found) for key, column in (("all", "n"), ("correct", "correct"))]
     ratio = [_series("correct", "all", "inlier_ratio", found)]
     return Chart(
@@ -128,12 +114,11 @@ def _over_levels(
     rows: pd.DataFrame,
     titles: Mapping[str, tuple[str, str]],
     xlabel: str,
-    styles: Mapping[str, MethodStyle] | None,
-    estimate: Estimator,
+    styles: Mapping[str, MethodStyle],
 ) -> Chart:
     """Chart columns of the records, a panel each, titled as given beside its y axis."""
     looks = choose_looks(rows["method"], styles)
-    levels, found = _estimate_levels(rows, tuple(titles), estimate)
+    levels, found = _estimate_levels(rows, tuple(titles))
     return Chart(
         [
             Panel(title, xlabel, y_title, [_series(m, m, column, found) for m in looks], at=levels)
@@ -143,9 +128,7 @@ def _over_levels(
     )
 
 
-def _estimate_levels(
-    rows: pd.DataFrame, columns: Sequence[str], estimate: Estimator
-) -> tuple[list[float | str], list[Mapping[str, Mapping[str, Estimate]]]]:
+def _estimate_levels(rows: pd.DataFrame, columns: Sequence[str]) -> tuple[list[float | str], list[Estimates]]:
     levels = sorted(rows["x"].dropna().unique().tolist())
     return levels, [estimate(rows[rows["x"] == level], columns) for level in levels]
 
@@ -154,31 +137,20 @@ def _series(
     key: str,
     method: str,
     column: str,
-    found: Iterable[Mapping[str, Mapping[str, Estimate]]],
-    **more: Sequence[float],
+    found: Iterable[Estimates],
+    x: Sequence[float] = (),
 ) -> Series:
     mean, low, high, pairs = zip(*(each.get(column, {}).get(method, _NOTHING) for each in found), strict=True)
-    return Series(key, y=mean, low=low, high=high, counts=pairs, **more)
+    return Series(key, y=mean, x=x, low=low, high=high, counts=pairs)
 
 
 def protocol_title(protocol: str) -> str:
     """Return a readable name of a registration criterion."""
-    return {
-        PAPER_PROTOCOL: "precision > 0.1 (the paper's)",
-        "rmse<=1pr": "RMSE at most 1 pr",
-        "rmse<=5pr": "RMSE at most 5 pr",
-        "3dmatch": "3DMatch: 15°, 0.3 m",
-        "3dmatch-strict": "5°, 0.1 m",
-        "kitti": "KITTI: 5°, 0.6 m",
-        "kitti-2m": "5°, 2 m",
-        "5deg+5pr": "5°, 5 pr over the overlap",
-        "2deg+2pr": "2°, 2 pr over the overlap",
-    }.get(protocol, protocol)
+    known = PROTOCOLS.get(protocol)
+    return protocol if known is None else known.title
 
 
-def choose_looks(
-    methods: Iterable[str], styles: Mapping[str, MethodStyle] | None = None
-) -> dict[str, MethodStyle]:
+def choose_looks(methods: Iterable[str], styles: Mapping[str, MethodStyle]) -> dict[str, MethodStyle]:
     """Choose the styles of methods, in the order of the legend."""
     chosen = style.method_styles(methods, styles)
     return {name: chosen[name] for name in sort_methods(chosen)}
@@ -191,7 +163,7 @@ def times_chart(
     times: pd.DataFrame,
     exponents: Mapping[str, float],
     complexities: Mapping[str, str],
-    styles: Mapping[str, MethodStyle] | None = None,
+    styles: Mapping[str, MethodStyle],
 ) -> Chart:
     """Chart milliseconds over the number of matches, with each method's growth in notes."""
     looks = choose_looks(times.columns, styles)
@@ -220,8 +192,8 @@ def draw_times(
     times: pd.DataFrame,
     exponents: Mapping[str, float],
     complexities: Mapping[str, str],
+    styles: Mapping[str, MethodStyle],
     title: str,
-    styles: Mapping[str, MethodStyle] | None = None,
 ) -> Figure:
     """Draw `times_chart` with exponents and complexities in the legend, slowest method first."""
     chart = times_chart(times, exponents, complexities, styles)
@@ -233,11 +205,7 @@ def draw_times(
     return replace(chart, looks=looks).draw(title, columns=1, legend="right")
 
 
-def trials_chart(
-    related: pd.DataFrame,
-    styles: Mapping[str, MethodStyle] | None = None,
-    estimate: Estimator = estimate_means,
-) -> Chart:
+def trials_chart(related: pd.DataFrame, styles: Mapping[str, MethodStyle]) -> Chart:
     """Chart the fraction of registered problems, and mean F, over median time."""
     looks = choose_looks(related["method"], styles)
     milliseconds = 1e3 * related.groupby("method")["seconds"].median()
@@ -277,13 +245,19 @@ def _distributions(errors: Mapping[str, tuple[float, ...]]) -> list[Series]:
     return [Series(key, y=ecdf(each, at).tolist(), x=at.tolist()) for key, each in errors.items()]
 
 
-def pipelines_chart(frame: pd.DataFrame, estimate: Estimator = estimate_means) -> Chart:
+def pipelines_chart(frame: pd.DataFrame) -> Chart:
     """Chart the registered pairs of pipelines by overlap and time, and the calibration of probabilities."""
     rows = frame[frame["kind"] == "related"]
     looks = _style_pipelines(rows)
-    panels = [_by_overlap(rows, looks, estimate)] if rows["overlap"].notna().any() else []
-    if frame["probability"].notna().any():
-        panels.append(_by_probability(frame, looks, estimate))
+    panels: list[Panel] = []
+    if rows["overlap"].notna().any():
+        series, at = _share_right(rows, "overlap", OVERLAP_EDGES, looks)
+        panels.append(Panel("by overlap", "overlap (share), all sets", "share of right poses", series, at=at))
+    stated = frame[frame["probability"].notna()]
+    if len(stated):
+        named = [name for name in looks if (stated["method"] == name).any()]
+        series, at = _share_right(stated, "probability", PROBABILITY_EDGES, named)
+        panels.append(Panel("reliability", "probability, all pairs", "share of right poses", series, at=at))
     for name, of_set in rows.groupby("set", sort=False):
         found = estimate(of_set, ("right",))
         seconds = of_set.groupby("method")["seconds"].median()
@@ -299,20 +273,8 @@ def pipelines_chart(frame: pd.DataFrame, estimate: Estimator = estimate_means) -
     return Chart(panels, looks)
 
 
-def _by_overlap(rows: pd.DataFrame, looks: Iterable[str], estimate: Estimator) -> Panel:
-    series, at = _share_right(rows, "overlap", OVERLAP_EDGES, looks, estimate)
-    return Panel("by overlap", "overlap (share), all sets", "share of right poses", series, at=at)
-
-
-def _by_probability(rows: pd.DataFrame, looks: Iterable[str], estimate: Estimator) -> Panel:
-    told = rows[rows["probability"].notna()]
-    named = [name for name in looks if (told["method"] == name).any()]
-    series, at = _share_right(told, "probability", PROBABILITY_EDGES, named, estimate)
-    return Panel("reliability", "probability, all pairs", "share of right poses", series, at=at)
-
-
 def _share_right(
-    rows: pd.DataFrame, column: str, edges: Sequence[float], looks: Iterable[str], estimate: Estimator
+    rows: pd.DataFrame, column: str, edges: Sequence[float], looks: Iterable[str]
 ) -> tuple[list[Series], list[float]]:
     """Return the fraction of correct poses in bins of a number, and the centres of the bins."""
     places = np.digitize(rows[column].to_numpy(), edges[1:-1])
