@@ -60,39 +60,17 @@ if _TYPE_CHECKING:
     merge = register_all
 
 __all__ = [
-    "METHODS",
-    "PAPER_METHODS",
-    "PRESETS",
-    "CgroupError",
-    "Correspondences",
-    "Explanation",
-    "Grouping",
-    "InputError",
-    "NoConsensusError",
-    "OutOfMemoryError",
-    "__version__",
-    "certify",
-    "group",
-    "group_many",
-    "group_motions",
-    "match_probabilities",
-]
+    "METHODS", "PAPER_METHODS", "PRESETS", "CgroupError", "Correspondences", "Explanation", "Grouping",
+    "InputError", "NoConsensusError", "OutOfMemoryError", "__version__", "certify", "group", "group_many",
+    "group_motions", "match_probabilities",
+]  # fmt: skip
 __all__ += methods.__all__
 
 
 _ROOMS = [
-    "comparison",
-    "datasets",
-    "evaluation",
-    "features",
-    "io",
-    "nuisances",
-    "pages",
-    "plots",
-    "registration",
-    "scenes",
-    "verification",
-]
+    "comparison", "datasets", "evaluation", "features", "io", "nuisances", "pages", "plots", "registration",
+    "scenes", "verification",
+]  # fmt: skip
 _FROM_ROOMS = {
     "io": "read_cloud write_cloud",
     "registration": "Registration assess prepare recognize refine register register_many",

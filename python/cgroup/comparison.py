@@ -23,14 +23,8 @@ from cgroup.registry import METHODS, MethodName
 from cgroup.types import BoolArray, Correspondences, FloatArray, Grouping
 
 __all__ = [
-    "MAX_DISPLACEMENT",
-    "MAX_ROTATION",
-    "MethodResult",
-    "compare",
-    "find_correct",
-    "table",
-    "write_table",
-]
+    "MAX_DISPLACEMENT", "MAX_ROTATION", "MethodResult", "compare", "find_correct", "table", "write_table",
+]  # fmt: skip
 
 MAX_ROTATION = 5.0
 """Default largest rotation error of a registered pair, in degrees."""

@@ -14,15 +14,9 @@ from cgroup.methods._declare import MethodInfo, MethodOption
 from cgroup.types import Grouping
 
 __all__ = [
-    "METHODS",
-    "METHOD_INFO",
-    "PAPER_METHODS",
-    "PRESETS",
-    "MethodInfo",
-    "MethodName",
-    "MethodOption",
+    "METHODS", "METHOD_INFO", "PAPER_METHODS", "PRESETS", "MethodInfo", "MethodName", "MethodOption",
     "label_of",
-]
+]  # fmt: skip
 
 METHODS: Mapping[str, Callable[..., Grouping]] = {info.name: info.function for info in METHOD_INFO.values()}
 """The functions of all methods by name."""

@@ -16,18 +16,6 @@ from cgroup.datasets.matching_problems import MatchingProblem, make_problem
 from cgroup.datasets.registry import DATASETS, open_dataset
 
 __all__ = [
-    "DATASETS",
-    "CorrespondencePair",
-    "Dataset",
-    "MatchingPair",
-    "MatchingProblem",
-    "UnrelatedPair",
-    "data_root",
-    "make_problem",
-    "make_scene",
-    "mirror",
-    "mix",
-    "mixed_names",
-    "open_dataset",
-    "standin_pair",
-]
+    "DATASETS", "CorrespondencePair", "Dataset", "MatchingPair", "MatchingProblem", "UnrelatedPair",
+    "data_root", "make_problem", "make_scene", "mirror", "mix", "mixed_names", "open_dataset", "standin_pair",
+]  # fmt: skip

@@ -20,23 +20,8 @@ from cgroup.evaluation.scene_scores import SceneScore, ecdf, score_scene
 from cgroup.rigid import rotation_error, translation_error
 
 __all__ = [
-    "PROTOCOLS",
-    "GroupScore",
-    "Protocol",
-    "SceneScore",
-    "alignment_error",
-    "clutter_and_occlusion",
-    "correct_matches",
-    "ecdf",
-    "feature_matching_recall",
-    "inlier_ratio",
-    "match_errors",
-    "mean_average_accuracy",
-    "overlap",
-    "redwood_error",
-    "registration_recall",
-    "rotation_error",
-    "score_group",
-    "score_scene",
-    "translation_error",
-]
+    "PROTOCOLS", "GroupScore", "Protocol", "SceneScore", "alignment_error", "clutter_and_occlusion",
+    "correct_matches", "ecdf", "feature_matching_recall", "inlier_ratio", "match_errors",
+    "mean_average_accuracy", "overlap", "redwood_error", "registration_recall", "rotation_error",
+    "score_group", "score_scene", "translation_error",
+]  # fmt: skip

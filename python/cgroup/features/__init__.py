@@ -17,29 +17,7 @@ from cgroup.features.surface import ORIGIN, Viewpoint, mesh_normals, normals
 from cgroup.features.voxels import Voxels, choose_voxel, voxel_downsample
 
 __all__ = [
-    "ORIGIN",
-    "SUPPORT_RADIUS",
-    "Cloud",
-    "CloudLike",
-    "DescribedCloud",
-    "Matches",
-    "Viewpoint",
-    "Voxels",
-    "choose_voxel",
-    "drop_isolated",
-    "fpfh",
-    "harris3d",
-    "iss",
-    "lfsh",
-    "match",
-    "mesh_normals",
-    "normals",
-    "rcs",
-    "resolution",
-    "sample_mesh",
-    "shot",
-    "shot_lrf",
-    "toldi_lrf",
-    "voxel_downsample",
-    "within",
-]
+    "ORIGIN", "SUPPORT_RADIUS", "Cloud", "CloudLike", "DescribedCloud", "Matches", "Viewpoint", "Voxels",
+    "choose_voxel", "drop_isolated", "fpfh", "harris3d", "iss", "lfsh", "match", "mesh_normals", "normals",
+    "rcs", "resolution", "sample_mesh", "shot", "shot_lrf", "toldi_lrf", "voxel_downsample", "within",
+]  # fmt: skip

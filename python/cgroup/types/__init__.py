@@ -6,15 +6,6 @@ from cgroup.types.grouping import Agreement, Grouping, Rule
 from cgroup.types.point_cloud import AnyCloud, PointCloud
 
 __all__ = [
-    "OPTIONAL_FIELDS",
-    "Agreement",
-    "AnyCloud",
-    "BoolArray",
-    "Correspondences",
-    "FloatArray",
-    "Grouping",
-    "IndexArray",
-    "PointCloud",
-    "RealArray",
-    "Rule",
-]
+    "OPTIONAL_FIELDS", "Agreement", "AnyCloud", "BoolArray", "Correspondences", "FloatArray", "Grouping",
+    "IndexArray", "PointCloud", "RealArray", "Rule",
+]  # fmt: skip

@@ -10,13 +10,6 @@ from cgroup.verification.schedule import Verification, score_poses, verify
 from cgroup.verification.surface import Place, Surface, places
 
 __all__ = [
-    "Alignment",
-    "FineSurface",
-    "Place",
-    "Surface",
-    "Verification",
-    "align",
-    "places",
-    "score_poses",
+    "Alignment", "FineSurface", "Place", "Surface", "Verification", "align", "places", "score_poses",
     "verify",
-]
+]  # fmt: skip
