@@ -124,6 +124,8 @@ class Dataset(ABC):
     single_views : bool
         Whether each cloud is one scan, taken from its viewpoint. Otherwise (fragments of many scans, whole
         models) viewpoints only orient normals.
+    own_subjects : bool
+        Whether every pair shows a subject of its own, for `subject_of`.
 
     Examples
     --------
@@ -149,6 +151,7 @@ class Dataset(ABC):
     protocols: ClassVar[tuple[str, ...]] = ("precision>0.1", "rmse<=1pr", "rmse<=5pr")
     citation: ClassVar[str]
     single_views: ClassVar[bool] = False
+    own_subjects: ClassVar[bool] = False
 
     _lacking: Mapping[str, Path] = MappingProxyType({})
 
@@ -242,10 +245,11 @@ class Dataset(ABC):
         Returns
         -------
         str
-            The data set's name unless a subclass overrides it: all pairs may show the same thing.
+            The pair's name with `own_subjects`; else the data set's, unless a subclass overrides it: all
+            pairs may show the same thing.
         """
         self.check_name(name)
-        return self.name
+        return name if self.own_subjects else self.name
 
     def check_name(self, name: str) -> None:
         """Raise for the name of a pair that does not exist.

@@ -132,6 +132,7 @@ class LidarScans(FileDataset[_Scans]):
 
     name, title = "lidar", "LiDAR scans"
     role, origin, single_views = "partial-partial", "real", True
+    own_subjects = True  # no place is in two pairs
     protocols = ("precision>0.1", "kitti", "kitti-2m")
     citation = (
         "Geiger et al.: KITTI, CVPR 2012; Pomerleau et al.: Challenging data sets, IJRR 2012; "
@@ -142,11 +143,6 @@ class LidarScans(FileDataset[_Scans]):
         "the demo data of https://github.com/Laka-3DV/TurboReg, https://github.com/koide3/small_gicp or "
         f"{TCF_URL}"
     )
-
-    def subject_of(self, name: str) -> str:
-        """Return the name of the pair, since no place is in two pairs."""
-        self.check_name(name)
-        return name
 
     def load(self, name: str) -> MatchingPair:
         """Read two scans, and compute their overlap."""

@@ -20,6 +20,10 @@ from cgroup.types.fields import FIELDS
 CORRECT_WITHIN = 5.0  # pr. A match is correct where the true pose leaves no greater distance
 _AXES = np.array([1.0, 0.7, 0.5])  # of the ellipsoid, in units of the longest
 _DISTANCE = 50.0  # pr, standard deviation of the translation per axis
+_SHARES = (  # options of a problem that are shares
+    *("inlier_ratio", "repeated_targets", "duplicated_sources", "clutter"),
+    *("missing_frames", "random_frames", "zero_descriptors", "missing_second"),
+)
 _FEW_INLIERS = 0.1  # share below which the ratios of inliers are nearly those of outliers
 
 
@@ -162,21 +166,12 @@ def make_problem(
     >>> make_problem(np.random.default_rng(0), 1000, inlier_ratio=0.1)
     MatchingProblem(n=1000, inliers=98)
     """
-    shares = {
-        "inlier_ratio": inlier_ratio,
-        "repeated_targets": repeated_targets,
-        "duplicated_sources": duplicated_sources,
-        "clutter": clutter,
-        "missing_frames": missing_frames,
-        "random_frames": random_frames,
-        "zero_descriptors": zero_descriptors,
-        "missing_second": missing_second,
-    }
+    given = dict(locals())
     if n < 0:
         raise InputError("n", n, "give a number of matches, 0 or more")
-    for name, share in shares.items():
-        if not 0.0 <= share <= 1.0:
-            raise InputError(name, share, "give a share from 0 to 1")
+    for name in _SHARES:
+        if not 0.0 <= given[name] <= 1.0:
+            raise InputError(name, given[name], "give a share from 0 to 1")
     source = _surface(_directions(rng, n), radius)
     rotation, translation = random_rotations(rng, 1)[0], rng.normal(size=3) * _DISTANCE
     is_inlier = rng.permutation(n) < round(inlier_ratio * n)

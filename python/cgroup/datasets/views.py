@@ -103,7 +103,9 @@ class StanfordViews(FileDataset[_ViewNames]):
     def _overlapping(self) -> list[_ViewNames]:
         found: list[_ViewNames] = []
         for home, views in self._objects.items():
-            key = ["overlap", *(part for view in views.values() for part in _fingerprint(view))]
+            key: list[str | bytes] = ["overlap"]
+            for view in views.values():
+                key += [view.path.name, str(view.path.stat().st_size), view.T_world_view.tobytes()]
             shares = cached("stanford", key, lambda each=views: {"overlap": _all_overlaps(each)})["overlap"]
             pairs = zip(itertools.combinations(views, 2), shares, strict=True)
             found += [_ViewNames(home, *pair) for pair, share in pairs if share >= MIN_OVERLAP]
@@ -150,10 +152,6 @@ def _all_overlaps(views: dict[str, _View]) -> FloatArray:
     clouds = {stem: read_cloud(view.path) for stem, view in views.items()}
     pairs = itertools.combinations(views, 2)
     return np.array([measure_overlap(clouds[a], clouds[b], _between(views[a], views[b])) for a, b in pairs])
-
-
-def _fingerprint(view: _View) -> tuple[str, str, bytes]:
-    return view.path.name, str(view.path.stat().st_size), view.T_world_view.tobytes()
 
 
 def _stem(file: str) -> str:

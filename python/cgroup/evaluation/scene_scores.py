@@ -14,7 +14,7 @@ from cgroup._checks.arrays import as_floats, as_rows
 from cgroup._checks.values import refusal
 from cgroup.errors import InputError
 from cgroup.rigid.transforms import angles
-from cgroup.types import FloatArray, IndexArray
+from cgroup.types import FloatArray
 
 ROTATION_LIMITS = (3.0, 5.0, 10.0, 30.0, 45.0)  # rotation limits of ScanNet's protocol, in degrees
 TRANSLATION_LIMITS = (0.05, 0.1, 0.25, 0.5, 0.75)  # translation limits of ScanNet's protocol, in m
@@ -110,7 +110,10 @@ def score_scene(
     first, second = first[together], second[together]
     rotation, translation = (np.full(len(first), np.inf) for _ in range(2))
     joined = (part[first] == part[second]) & (part[first] >= 0)
-    rotation[joined], translation[joined] = _compare(estimated, true, first[joined], second[joined])
+    source, target = first[joined], second[joined]
+    relative, right = (np.linalg.solve(each[target], each[source]) for each in (estimated, true))
+    rotation[joined] = angles(relative[:, :3, :3].transpose(0, 2, 1) @ right[:, :3, :3])
+    translation[joined] = np.linalg.norm(relative[:, :3, 3] - right[:, :3, 3], axis=1)
     members = {frozenset(np.flatnonzero(place == each).tolist()) for each in np.unique(place)}
     several = [frozenset(component.tolist()) for component in parts if len(component) > 1]
     return SceneScore(
@@ -154,11 +157,3 @@ def ecdf(errors: ArrayLike, limits: ArrayLike) -> FloatArray:
     if not len(values):
         return np.full(len(bounds), np.nan)
     return np.searchsorted(np.sort(values), bounds, side="right") / len(values)
-
-
-def _compare(
-    estimated: FloatArray, true: FloatArray, source: IndexArray, target: IndexArray
-) -> tuple[FloatArray, FloatArray]:
-    relative, right = (np.linalg.solve(each[target], each[source]) for each in (estimated, true))
-    turns = relative[:, :3, :3].transpose(0, 2, 1) @ right[:, :3, :3]
-    return angles(turns), np.linalg.norm(relative[:, :3, 3] - right[:, :3, 3], axis=1)

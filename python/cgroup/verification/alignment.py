@@ -20,7 +20,7 @@ class FineSurface:
     """A finely downsampled cloud, prepared once for `align`.
 
     It serves with any number of partners. Planes are fitted to the points within 2.4 spacings of about 3,000
-    samples, which are drawn against the frequency of their normals.
+    samples, which are drawn against the frequency of their normals. `threads` is as for `shot`.
 
     Parameters
     ----------
@@ -29,8 +29,6 @@ class FineSurface:
     spacing : float
         Edge length of its voxels, one to a few times the distance between points. Both surfaces of a pair
         need the same.
-    threads : int, optional
-        Number of threads; all cores by default. The result does not depend on it.
 
     Examples
     --------
@@ -109,7 +107,7 @@ def align(
     Point-to-plane steps in both directions, with planes of the samples' own neighbourhoods: reach shrinks
     from 3 to 1.5 spacings, and residuals are weighted by Tukey's function at 4.685 times their robust
     deviation (Y. Chen and G. Medioni, *Object modelling by registration of multiple range images*, 1992).
-    `threads` is as for `FineSurface`.
+    `threads` is as for `shot`.
 
     Parameters
     ----------

@@ -19,7 +19,7 @@ class Surface:
     """A surface for verifying poses, prepared once for all poses and partners.
 
     It keeps nearest points, ranges and samples. Memory grows with the points and their surface, some
-    kilobytes per point, not with the bounding box. Threads may share a surface.
+    kilobytes per point, not with the bounding box. Threads may share a surface. `threads` is as for `shot`.
 
     Parameters
     ----------
@@ -36,8 +36,6 @@ class Surface:
     oriented : bool, optional
         Whether the normals point to the same side of the surface in both clouds; otherwise a normal and its
         opposite are equal. By default true if there is a viewpoint.
-    threads : int, optional
-        Number of threads; all cores by default. The result does not depend on it.
 
     Examples
     --------

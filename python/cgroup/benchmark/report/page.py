@@ -23,8 +23,13 @@ from cgroup.benchmark.report.cells import dataset_table, failure_table, plain_ta
 from cgroup.benchmark.report.charts import FigureFiles
 from cgroup.benchmark.report.pipelines import make_registration_section, make_scene_section
 from cgroup.benchmark.report.pose_files import write_poses
-from cgroup.benchmark.report.sections import chart_times, make_own_section, make_sections, score_table
-from cgroup.benchmark.report.standings import make_standings
+from cgroup.benchmark.report.sections import (
+    chart_times,
+    make_own_section,
+    make_sections,
+    make_standings,
+    score_table,
+)
 from cgroup.benchmark.report.trials import make_trial_sections, overview_table
 from cgroup.benchmark.store import read_plan
 from cgroup.io import write_file
