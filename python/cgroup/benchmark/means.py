@@ -48,14 +48,13 @@ def aggregate(
 
     Examples
     --------
-    >>> from pathlib import Path
     >>> from cgroup.benchmark.config import Config
     >>> from cgroup.benchmark.run import run
     >>> from cgroup.benchmark.tables import aggregate, load
     >>> small = {"id": "small", "dataset": "generated-matches", "pairs": 2}
     >>> config = Config(name="mine", methods=["gtm"], experiment=[small])
-    >>> _ = run(config, Path("results"), backend="threading")
-    >>> means = aggregate(load(Path("results")), ["method"])
+    >>> _ = run(config, "results", backend="threading")
+    >>> means = aggregate(load("results"), ["method"])
     >>> means[["method", "pairs"]].values.tolist()
     [['gtm', 2]]
     """

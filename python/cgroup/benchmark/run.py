@@ -90,15 +90,14 @@ def run(
 
     Examples
     --------
-    >>> from pathlib import Path
     >>> from cgroup.benchmark.config import Config
     >>> from cgroup.benchmark.run import run
     >>> from cgroup.benchmark.tables import load
     >>> small = {"id": "small", "dataset": "generated-matches", "pairs": 2}
     >>> config = Config(name="mine", methods=["gc", "gtm"], experiment=[small])
-    >>> run(config, Path("results"), backend="threading").failed
+    >>> run(config, "results", backend="threading").failed
     0
-    >>> len(load(Path("results")))  # two methods on two pairs
+    >>> len(load("results"))  # two methods on two pairs
     4
     """
     if workers is not None:

@@ -122,14 +122,13 @@ def load(path: Path | str, kind: Task = "experiment") -> pd.DataFrame:
 
     Examples
     --------
-    >>> from pathlib import Path
     >>> from cgroup.benchmark.config import Config
     >>> from cgroup.benchmark.run import run
     >>> from cgroup.benchmark.tables import load
     >>> small = {"id": "small", "dataset": "generated-matches", "pairs": 2}
     >>> config = Config(name="mine", methods=["gtm"], experiment=[small])
-    >>> _ = run(config, Path("results"), backend="threading")
-    >>> frame = load(Path("results"))
+    >>> _ = run(config, "results", backend="threading")
+    >>> frame = load("results")
     >>> frame[["method", "n", "correct"]].values.tolist()
     [['gtm', 1000, 20], ['gtm', 1000, 99]]
     """

@@ -209,14 +209,12 @@ def drop_isolated(
 ) -> IndexArray:
     """Keep the keypoints with enough neighbours for a descriptor.
 
-    Further parameters are as for `shot`.
+    Further parameters are as for `shot` and as for `harris3d`.
 
     Parameters
     ----------
     radius : float, optional
         15 times `resolution` by default.
-    resolution : float, optional
-        Mean distance of neighbouring points, a length; computed if it is needed and not given.
     min_points : int
         Least number of distinct points nearer than `radius`, the keypoint itself included.
 

@@ -206,12 +206,7 @@ def detect(
 ) -> IndexArray:
     """Return the keypoints with enough neighbours for a descriptor.
 
-    Further parameters are as for `PaperFront` and as for `register`.
-
-    Parameters
-    ----------
-    cloud : PointCloud, Cloud, path or (N,3) array_like of float
-        Whole cloud.
+    Parameters are as for `describe`, as for `PaperFront` and as for `register`.
 
     Returns
     -------
@@ -233,12 +228,7 @@ def surface_normals(
 ) -> FloatArray:
     """Return the normals that descriptors are computed from.
 
-    Further parameters are as for `PaperFront` and as for `register`.
-
-    Parameters
-    ----------
-    cloud : PointCloud, Cloud, path or (N,3) array_like of float
-        Whole cloud.
+    Parameters are as for `describe`, as for `PaperFront` and as for `register`.
 
     Returns
     -------

@@ -165,10 +165,7 @@ def rotation_error(estimated: ArrayLike, true: ArrayLike) -> float:
 def translation_error(estimated: ArrayLike, true: ArrayLike) -> float:
     """Return the distance between the translations of two poses.
 
-    Parameters
-    ----------
-    estimated, true : (4,4) array_like of float
-        Rigid transforms.
+    Parameters are as for `rotation_error`.
 
     Returns
     -------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -266,24 +267,18 @@ class Grouping:
         """
         if self._positions is None:
             raise InputError(_WITHOUT_POINTS.format("plot"))
-        pose = self._pose() if T_target_source is None else T_target_source
+        pose = T_target_source
+        if pose is None:
+            with suppress(NoConsensusError):
+                pose = self.transform()
         given = {"source": source, "target": target, "pose": pose, "correct": correct}
         matches = Correspondences(*self._positions)
         title = f"{self.size} of {len(self.mask)} matches selected"
         return plot(given, matches, self.mask, interactive=interactive, title=title, grouping=self)
 
-    def _pose(self) -> FloatArray | None:
-        try:
-            return self.transform()
-        except NoConsensusError:
-            return None
-
     def _repr_html_(self) -> str:
-        return result_table(f"Grouping: {self.size} of {len(self.mask)} selected", self._share, self._rows())
-
-    @property
-    def _share(self) -> float:
-        return self.size / max(len(self.mask), 1)
+        share = self.size / max(len(self.mask), 1)
+        return result_table(f"Grouping: {self.size} of {len(self.mask)} selected", share, self._rows())
 
     def _rows(self) -> list[tuple[str, str]]:
         scores = self.scores if self.scores is not None and len(self.scores) > 0 else None
