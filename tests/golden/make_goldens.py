@@ -15,7 +15,7 @@ import numpy as np
 
 from cgroup import features
 from cgroup.datasets import make_problem, standin_pair
-from cgroup.datasets.generated.shapes import stone
+from cgroup.datasets.generated.stones import stone
 
 HERE = Path(__file__).resolve().parent
 SUPPORT = 8.0  # pr

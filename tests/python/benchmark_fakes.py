@@ -14,7 +14,7 @@ from cgroup._runtime.progress import StageClock
 from cgroup.benchmark import pipelines
 from cgroup.benchmark.pipelines import Answer, SceneAnswer
 from cgroup.datasets import CorrespondencePair, Dataset, MatchingPair
-from cgroup.datasets.generated.shapes import stone
+from cgroup.datasets.generated.stones import stone
 from cgroup.errors import InputError
 from cgroup.io import PointCloud
 

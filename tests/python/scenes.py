@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cgroup.datasets.generated.scanner import Mesh, merge, range_image
-from cgroup.datasets.generated.shapes import RADIUS, random_pose, stone
+from cgroup.datasets.generated.stones import RADIUS, random_pose, stone
 from cgroup.types import FloatArray, PointCloud
 
 _DISTANCE = 20 * RADIUS

@@ -15,8 +15,7 @@ from cgroup.errors import CgroupError, InputError
 from cgroup.registration import register
 from cgroup.registration.judge import say_motion
 from cgroup.rigid import apply, invert
-from cgroup.rigid.covariance import covariance_in, deviations_at
-from cgroup.rigid.se3 import adjoint, motion, vector_of
+from cgroup.rigid.se3 import adjoint, covariance_in, deviations_at, motion, vector_of
 from cgroup.rigid.transforms import axis_of
 
 if TYPE_CHECKING:

@@ -30,7 +30,7 @@ from cgroup.datasets import (
 from cgroup.datasets.base import mean_resolution
 from cgroup.datasets.cache import cache_folder, cached
 from cgroup.datasets.generated import stones
-from cgroup.datasets.generated.shapes import stone
+from cgroup.datasets.generated.stones import stone
 from cgroup.datasets.u3or import U3OR
 from cgroup.errors import InputError
 from cgroup.evaluation import PROTOCOLS, overlap

@@ -16,8 +16,8 @@ from shared_data import data_folder
 
 from benchmark_runs import serial
 from cgroup.benchmark import tables
-from cgroup.benchmark.report.pose_files import write_poses
-from cgroup.datasets.generated.shapes import random_pose
+from cgroup.benchmark.report.page import write_poses
+from cgroup.datasets.generated.stones import random_pose
 from cgroup.errors import InputError
 from cgroup.evaluation.recall_protocols import (
     Recall,

@@ -12,7 +12,7 @@ from shared_data import data_folder
 
 from cgroup import InputError, NoConsensusError
 from cgroup.datasets import standin_pair
-from cgroup.datasets.generated.shapes import random_pose
+from cgroup.datasets.generated.stones import random_pose
 from cgroup.datasets.generated.worlds import World
 from cgroup.evaluation import rotation_error
 from cgroup.io import read_cloud

@@ -10,7 +10,7 @@ import pytest
 from cgroup import features
 from cgroup.datasets import MatchingPair, standin_pair
 from cgroup.datasets.base import mean_resolution
-from cgroup.datasets.generated.shapes import stone
+from cgroup.datasets.generated.stones import stone
 from cgroup.errors import InputError
 from cgroup.evaluation import overlap
 from cgroup.evaluation.ground_truth import OVERLAP_WITHIN

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cgroup.datasets.generated.shapes import random_pose
+from cgroup.datasets.generated.stones import random_pose
 from cgroup.errors import InputError
 from cgroup.evaluation import ecdf, rotation_error, score_scene, translation_error
 

@@ -5,8 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from cgroup._checks.values import as_count
-from cgroup._explain.facts import Facts
-from cgroup._explain.rules import judge
+from cgroup._explain.rules import Facts, judge
 from cgroup.errors import InputError
 from cgroup.explanation import Explanation
 from cgroup.types import Grouping

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from cgroup.datasets.file_datasets import data_root
-from cgroup.datasets.generated.shapes import random_pose
-from cgroup.datasets.generated.stones import standin_pair
+from cgroup.datasets.generated.stones import random_pose, standin_pair
 from cgroup.datasets.threedmatch import ThreeDMatch
 from cgroup.datasets.views import read_views
 from cgroup.errors import InputError

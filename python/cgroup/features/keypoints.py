@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Literal
+import importlib
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from cgroup import _core
-from cgroup._checks.arrays import as_rows, real_normals, real_points
+from cgroup._checks.arrays import as_rows, in_double, real_normals, real_points
 from cgroup._checks.calls import explain_wrong_calls
 from cgroup._checks.values import as_choice, as_count, as_flag, as_length, as_number, run_options
-from cgroup.features import _open3d
+from cgroup.errors import CgroupError, InputError
 from cgroup.features.cloud import Cloud, CloudLike, Places, places_of, resolution_of
-from cgroup.types import IndexArray
+from cgroup.types import IndexArray, RealArray
 
 HARRIS_RADIUS = 2.7  # default radius of Harris 3D in pr, as in the paper authors' pipeline
 # Default salient and non-maximum radius of ISS in pr, as in the paper authors' pipeline
@@ -21,6 +22,11 @@ ISS_RADII = (2.7, 1.8)
 
 SUPPORT_RADIUS = 15.0
 """Radius of descriptors and frames in pr (paper, section 4.4)."""
+
+_OPEN3D = (
+    "install it with `pip install cgroup[open3d]`; on Debian and Ubuntu it also needs the packages "
+    "libegl1 libgl1 libx11-6 libusb-1.0-0 libidn2-0 libudev1 libgomp1"
+)
 
 
 def length_or_multiple(
@@ -178,10 +184,10 @@ def iss(
     salient = length_or_multiple("salient_radius", salient_radius, ISS_RADII[0], places, resolution, threads)
     nms = length_or_multiple("nms_radius", nms_radius, ISS_RADII[1], places, resolution, threads)
     if as_choice("backend", backend, ("cgroup", "open3d")) == "open3d":
-        _open3d.refuse_options(density_weight=density_weight, count=count)
+        _refuse_options(density_weight=density_weight, count=count)
         given = points.points if isinstance(points, Cloud) else real_points("points", points)
         distinct = given if places.first is None else given[places.first]
-        return places.first_rows(_open3d.iss(distinct, salient, nms, gamma_21, gamma_32, min_neighbors))
+        return places.first_rows(_iss_by_open3d(distinct, salient, nms, gamma_21, gamma_32, min_neighbors))
     found = _core.iss(
         places.core,
         run_options(threads),
@@ -241,3 +247,32 @@ def drop_isolated(
     own = places.keypoints(rows)
     kept = _core.drop_isolated(places.core, own, run_options(threads), size, least)
     return rows[np.isin(own, kept)]
+
+
+def _iss_by_open3d(
+    points: RealArray, salient: float, nms: float, gamma_21: float, gamma_32: float, min_neighbors: int
+) -> IndexArray:
+    """Find Open3D's ISS keypoints, as rows of the cloud."""
+    open3d = _load_open3d()
+    cloud = in_double(points)
+    copy = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(cloud))
+    found = open3d.geometry.keypoint.compute_iss_keypoints(
+        copy, salient, nms, gamma_21, gamma_32, min_neighbors
+    )
+    # Open3D gives coordinates; the lowest row that has them is the keypoint.
+    rows = {tuple(point): row for row, point in reversed(list(enumerate(cloud.tolist())))}
+    return np.array(sorted(rows[tuple(point)] for point in np.asarray(found.points).tolist()), dtype=np.int64)
+
+
+def _refuse_options(*, density_weight: bool, count: int | None) -> None:
+    """Raise for options of ISS that Open3D does not have."""
+    for name, given in (("density_weight", density_weight), ("count", count is not None)):
+        if given:
+            raise InputError(name, remedy="Open3D's detector has no such option; use backend='cgroup'")
+
+
+def _load_open3d() -> Any:  # noqa: ANN401 - Open3D has no types
+    try:
+        return importlib.import_module("open3d")
+    except (ImportError, OSError) as error:
+        raise CgroupError(f"Open3D can't be imported ({error}); {_OPEN3D}") from error

@@ -17,7 +17,7 @@ from cgroup._show.notebook import pose_html, result_table
 from cgroup.fronts.matching import scale_matches
 from cgroup.registration.judge import Found, Judgement
 from cgroup.rigid import apply
-from cgroup.rigid.covariance import CONVENTIONS, Convention, covariance_in, deviations_at
+from cgroup.rigid.se3 import CONVENTIONS, Convention, covariance_in, deviations_at
 from cgroup.rigid.transforms import split_scale
 from cgroup.types import AnyCloud, Correspondences, FloatArray, Grouping, PointCloud
 from cgroup.types.point_cloud import as_cloud, join_clouds

@@ -10,8 +10,7 @@ import numpy as np
 from cgroup.pose_graph import PoseGraph
 from cgroup.registration.pairwise import ACCEPTED
 from cgroup.rigid import invert
-from cgroup.rigid.covariance import covariance_in
-from cgroup.rigid.se3 import about
+from cgroup.rigid.se3 import about, covariance_in
 from cgroup.scenes import settings
 from cgroup.scenes.agreement import squared_errors, weigh_by_triangles
 from cgroup.scenes.links import Link

@@ -27,7 +27,7 @@ from cgroup.pose_graph import PoseGraph
 from cgroup.pose_graph.files import motion_lines
 from cgroup.registration import PreparedScan
 from cgroup.registration.pairwise import FalseAccepts, merge_clouds
-from cgroup.rigid.covariance import covariance_in
+from cgroup.rigid.se3 import covariance_in
 from cgroup.types import AnyCloud, FloatArray, PointCloud
 from cgroup.types.point_cloud import as_cloud
 

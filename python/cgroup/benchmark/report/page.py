@@ -1,12 +1,14 @@
 """The report of a run: one self-contained page with charts, tables, and the claims of the paper."""
 
 import re
-from collections.abc import Callable
+from collections import defaultdict
+from collections.abc import Callable, Iterable
 from datetime import datetime, timezone
 from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple, get_args
 
+import numpy as np
 import pandas as pd
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -22,7 +24,6 @@ from cgroup.benchmark.problem import Task
 from cgroup.benchmark.report.cells import dataset_table, failure_table, plain_table
 from cgroup.benchmark.report.charts import FigureFiles
 from cgroup.benchmark.report.pipelines import make_registration_section, make_scene_section
-from cgroup.benchmark.report.pose_files import write_poses
 from cgroup.benchmark.report.sections import (
     chart_times,
     make_own_section,
@@ -33,12 +34,17 @@ from cgroup.benchmark.report.sections import (
 from cgroup.benchmark.report.trials import make_trial_sections, overview_table
 from cgroup.benchmark.store import read_plan
 from cgroup.io import write_file
-from cgroup.io.result_folders import Results
+from cgroup.io.result_folders import Results, make_folder
+from cgroup.io.transforms import format_log
 from cgroup.pages.page import page_html, write_page
+from cgroup.types import FloatArray
 
 REPORT, CLAIMS, FIGURES, POSES = "report.html", "claims.md", "figures", "poses"
 """Files and folders that `write_report` writes."""
 
+TRUTH = "truth"  # folder of the true poses, beside those of the methods
+# Data sets whose pairs are named by a scene and the numbers of two clouds, and the order of the clouds
+_SOURCE_FIRST = {"3dmatch-test": False, "3dlomatch-test": False, "kitti": True}
 _HEADING = re.compile(r'<h2 id="([^"]+)">(.*?)</h2>')
 
 
@@ -179,3 +185,37 @@ def _count_totals(data: ReportData) -> dict[str, int]:
     }
     failed = sum(int((each["error"] != "").sum()) for each in data.untimed)
     return {name: count for name, count in counts.items() if count} | {"failed records": failed}
+
+
+def write_poses(out: Path, frames: Iterable[pd.DataFrame]) -> None:
+    """Write the poses of pairs whose clouds have numbers, for `cgroup evaluate` and the scripts of others.
+
+    They are in ``SET/METHOD/SCENE/est.log``, and the true ones in ``SET/truth/SCENE/gt.log``. The pose of a
+    line ``i j`` maps cloud j into i.
+    """
+    logs: dict[Path, dict[tuple[int, int], FloatArray]] = defaultdict(dict)
+    for frame in frames:
+        if frame.empty:
+            continue
+        chosen = (
+            frame["dataset"].isin(_SOURCE_FIRST) & (frame["error"] == "") & (frame.get("skipped", "") == "")
+        )
+        columns = ("set", "method", "dataset", "pair", "pose", "truth")
+        for of_set, method, dataset, pair, found, true in zip(
+            *(frame.loc[chosen, name] for name in columns), strict=True
+        ):
+            *_, scene, numbers = pair.split("/")
+            first, second = (int(number) for number in numbers.split("-"))
+            clouds = (second, first) if _SOURCE_FIRST[dataset] else (first, second)
+            folder = out / _name_folder(of_set)
+            if found is not None:
+                logs[folder / _name_folder(method) / scene / "est.log"][clouds] = found
+            if true is not None:
+                logs[folder / TRUTH / scene / "gt.log"][clouds] = true
+    for path, log in logs.items():
+        make_folder(path.parent)
+        write_file(path, format_log(np.array(list(log)), np.array(list(log.values()))).encode())
+
+
+def _name_folder(label: str) -> str:
+    return "".join(letter if letter.isalnum() or letter in "-_.+ " else "_" for letter in label)

@@ -33,7 +33,7 @@ from cgroup.io.files import check_outputs
 from cgroup.io.result_folders import Results, make_folder
 from cgroup.registration import FalseAccepts
 from cgroup.rigid import apply
-from cgroup.rigid.covariance import deviations_at
+from cgroup.rigid.se3 import deviations_at
 from cgroup.scenes import Scene, false_joins, register_all
 from cgroup.scenes.scene import cloud_of
 
