@@ -178,9 +178,7 @@ def _run_method(
     try:
         pose = grouping.transform()
     except NoConsensusError:
-        return MethodResult(
-            method, grouping, score, None, np.nan, np.nan, np.nan, registered=False, seconds=seconds
-        )
+        return MethodResult(method, grouping, score, None, *[np.nan] * 3, registered=False, seconds=seconds)
     angle, shift = rotation_error(pose, truth), translation_error(pose, truth)
     displacement = mean_displacement(correspondences.source, pose, truth)
     registered = angle <= limits[0] and displacement <= limits[1]

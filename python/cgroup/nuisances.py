@@ -12,7 +12,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from cgroup import features
-from cgroup._checks.hooks import load_plugin
+from cgroup._checks.calls import load_plugin
 from cgroup._checks.values import as_choice, as_instance, as_number, as_word, guess_word, refuse_word
 from cgroup.datasets.base import MatchingPair, mean_resolution
 from cgroup.datasets.generated.stones import random_direction, stones_around

@@ -1,11 +1,12 @@
-"""Explain wrong arguments of a call in one sentence, with a suggestion."""
+"""Explain wrong arguments of a call in one sentence; load functions of higher packages, and plug-ins."""
 
+import importlib
 from collections.abc import Callable, Collection, Iterable
 from functools import wraps
 from inspect import Parameter, Signature, signature
 from typing import Any, TypeVar
 
-from cgroup._checks.values import guess_word
+from cgroup._checks.values import as_word, guess_word
 from cgroup.errors import InputError
 
 _Function = TypeVar("_Function", bound="Callable[..., Any]")
@@ -100,3 +101,35 @@ def _guess_option(name: str, choices: Collection[str]) -> str | None:
     """Return the option of that name in other libraries, or the most similar one; None if there is none."""
     elsewhere = _OTHER_WORDS.get(name)
     return elsewhere if elsewhere in choices else guess_word(name, choices, 0.7)
+
+
+_HOOKS = {
+    "cloud": ("cgroup.io", "read_cloud"),
+    "explanation": ("cgroup._explain", "explain_match"),
+    "figure": ("cgroup.plots.matches", "figure_of"),
+    "chart": ("cgroup.pages.matches", "figure_of"),
+    "scene": ("cgroup.scenes.register_all", "add_scan"),
+}
+
+
+def call_hook(name: str, *arguments: Any) -> Any:  # noqa: ANN401 - types of the higher room
+    """Call the function of a hook."""
+    module, function = _HOOKS[name]
+    return getattr(importlib.import_module(module), function)(*arguments)
+
+
+def load_plugin(what: str, reference: str) -> Any:  # noqa: ANN401 - whatever the name stands for
+    """Import the object of a reference; `what` is its kind in error messages, such as "data set"."""
+    module_name, _, attribute = as_word(what, reference).partition(":")
+    if not all(part.isidentifier() for part in module_name.split(".")):
+        raise InputError(what, remedy=f"{module_name!r} is no name of a module; write module:attribute")
+    try:
+        module = importlib.import_module(module_name)
+    except ImportError as error:
+        raise InputError(
+            f"{what}: can't import {module_name!r} for {reference!r} ({error}); "
+            "install it, or put its folder on PYTHONPATH"
+        ) from error
+    if not attribute or not hasattr(module, attribute):
+        raise InputError(what, remedy=f"module {module_name!r} has no {attribute!r}; write module:attribute")
+    return getattr(module, attribute)

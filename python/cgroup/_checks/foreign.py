@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cgroup._checks.hooks import call_hook
+from cgroup._checks.calls import call_hook
 from cgroup._checks.quoting import escape
 from cgroup.errors import InputError
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cgroup._checks.arrays import BoolArray, FloatArray, real_points
-from cgroup._checks.hooks import call_hook
+from cgroup._checks.calls import call_hook
 from cgroup._checks.values import as_flag, refusal
 from cgroup.errors import InputError
 from cgroup.rigid import check_rigid

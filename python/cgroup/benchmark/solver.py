@@ -11,7 +11,7 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
-from cgroup._checks.hooks import load_plugin
+from cgroup._checks.calls import load_plugin
 from cgroup._checks.values import as_named, guess_word, refuse_word
 from cgroup._runtime.progress import StageClock
 from cgroup.benchmark.pipelines import PIPELINES, SCENE_SOLVERS

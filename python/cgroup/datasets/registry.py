@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from cgroup._checks.hooks import load_plugin
+from cgroup._checks.calls import load_plugin
 from cgroup._checks.values import guess_word, refuse_word
 from cgroup.datasets.b3r import B3R, B3RClean
 from cgroup.datasets.base import Dataset
@@ -20,28 +20,11 @@ from cgroup.errors import InputError
 DATASETS: dict[str, Callable[[Path | None], Dataset]] = {
     kind.name: kind
     for kind in (
-        B3R,
-        B3RClean,
-        U3OR,
-        U3M,
-        StanfordViews,
-        ThreeDMatch,
-        ThreeDMatchTest,
-        ThreeDLoMatchTest,
-        LidarScans,
-        KITTI,
-        FGR,
-        FGRClouds,
-        CorrespondenceFiles,
-        OneToThreeFiles,
-        GeneratedMatches,
-        StandinFull,
-        StandinClutter,
-        StandinViews,
-        Worlds,
-        RepeatingWorlds,
+        B3R, B3RClean, U3OR, U3M, StanfordViews, ThreeDMatch, ThreeDMatchTest, ThreeDLoMatchTest,
+        LidarScans, KITTI, FGR, FGRClouds, CorrespondenceFiles, OneToThreeFiles, GeneratedMatches,
+        StandinFull, StandinClutter, StandinViews, Worlds, RepeatingWorlds,
     )
-}
+}  # fmt: skip
 """Built-in data sets; each is opened with the data root."""
 
 

@@ -53,7 +53,7 @@ class U3OR(FileDataset[_Posed]):
 
     def origin_of(self, name: str) -> Origin:
         """Return "real" if the scan is available, else "semi-synthetic"."""
-        return "real" if self._has_scan(self._entry(name).scene) else "semi-synthetic"
+        return "semi-synthetic" if self._scan_file(self._entry(name).scene) is None else "real"
 
     def load(self, name: str) -> MatchingPair:
         """Read the model; read or simulate the scene."""
@@ -107,7 +107,7 @@ class U3OR(FileDataset[_Posed]):
 
     def _needed(self, entry: _Posed) -> list[tuple[Path, ...]]:
         """Return the files of the pose, the model, and the models of a simulated scene."""
-        posed = [] if self._has_scan(entry.scene) else self._poses_in(entry.scene)
+        posed = self._poses_in(entry.scene) if self._scan_file(entry.scene) is None else []
         return [(self._poses[entry],), *(self._model_places(model) for model in (entry.model, *posed))]
 
     def _poses_in(self, number: int) -> dict[str, Path]:
@@ -128,9 +128,6 @@ class U3OR(FileDataset[_Posed]):
                 got = f"{path}: this pose puts the model behind the scanner"
                 raise InputError(f"{got}; it has to be model to scene, in mm")
         return range_image(merge(posed), step=PIXEL, offset=np.array([1.0, 1.0]), two_sided=True)
-
-    def _has_scan(self, number: int) -> bool:
-        return self._scan_file(number) is not None
 
     def _scan_file(self, number: int) -> Path | None:
         whole = (path for name, path in self._meshes.items() if name.startswith(f"rs{number}_"))

@@ -28,22 +28,10 @@ class MethodStyle(NamedTuple):
 
 
 SYMBOLS = {
-    "o": "circle",
-    "s": "square",
-    "^": "triangle-up",
-    "v": "triangle-down",
-    "<": "triangle-left",
-    ">": "triangle-right",
-    "D": "diamond",
-    "d": "diamond-tall",
-    "P": "cross",
-    "X": "x",
-    "*": "star",
-    "p": "pentagon",
-    "h": "hexagon",
-    "H": "hexagon2",
-    "8": "octagon",
-}
+    "o": "circle", "s": "square", "^": "triangle-up", "v": "triangle-down", "<": "triangle-left",
+    ">": "triangle-right", "D": "diamond", "d": "diamond-tall", "P": "cross", "X": "x", "*": "star",
+    "p": "pentagon", "h": "hexagon", "H": "hexagon2", "8": "octagon",
+}  # fmt: skip
 """Markers by matplotlib's and by plotly's names."""
 
 METHOD_STYLES = {

@@ -13,7 +13,7 @@ from cgroup import features
 from cgroup._checks.values import as_choice
 from cgroup._runtime.workers import cached_property
 from cgroup._show.drawing import plot
-from cgroup._show.notebook import pose_html, result_table
+from cgroup._show.words import pose_html, result_table
 from cgroup.fronts.matching import scale_matches
 from cgroup.registration.judge import Found, Judgement
 from cgroup.rigid import apply

@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cgroup._checks.arrays import in_double
-from cgroup._checks.hooks import call_hook
+from cgroup._checks.calls import call_hook
 from cgroup._checks.values import as_index
 from cgroup._show.drawing import naming_missing_library
-from cgroup._show.notebook import result_table
-from cgroup._show.words import counted, number
+from cgroup._show.words import counted, number, result_table
 from cgroup.errors import InputError
 from cgroup.features import Cloud
 from cgroup.io import write_cloud, write_file

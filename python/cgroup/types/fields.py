@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from cgroup._checks.arrays import RealArray, as_reals, real_candidates, real_frames, real_points, real_vector
 from cgroup._checks.values import as_number
 from cgroup._show.drawing import plot
-from cgroup._show.notebook import result_table
+from cgroup._show.words import result_table
 from cgroup.errors import InputError
 from cgroup.types.point_cloud import AnyCloud
 
@@ -155,7 +155,10 @@ class Correspondences:
         return f"Correspondences(n={len(self)}, fields={['source', 'target', *given]})"
 
     def _repr_html_(self) -> str:
-        return result_table(f"Correspondences: {len(self)} matches", None, _rows_of(self))
+        given = [name for name in OPTIONAL_FIELDS if getattr(self, name) is not None and name != "resolution"]
+        resolution = "" if self.resolution is None else f"{self.resolution:.4g}"
+        rows = [("besides the points", ", ".join(given) or "nothing"), ("resolution (pr)", resolution)]
+        return result_table(f"Correspondences: {len(self)} matches", None, rows)
 
     def plot(
         self,
@@ -187,12 +190,6 @@ class Correspondences:
         given = {"source": source, "target": target, "pose": T_target_source, "correct": correct}
         everything = np.ones(len(self), dtype=bool)
         return plot(given, self, everything, interactive=interactive, title=f"{len(self)} matches")
-
-
-def _rows_of(matches: Correspondences) -> list[tuple[str, str]]:
-    given = [name for name in OPTIONAL_FIELDS if getattr(matches, name) is not None and name != "resolution"]
-    resolution = "" if matches.resolution is None else f"{matches.resolution:.4g}"
-    return [("besides the points", ", ".join(given) or "nothing"), ("resolution (pr)", resolution)]
 
 
 def own_correspondences(fields: Fields) -> Correspondences:

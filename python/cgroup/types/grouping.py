@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike
 
 from cgroup import _core
 from cgroup._checks.arrays import BoolArray, FloatArray, IndexArray, RealArray
-from cgroup._checks.hooks import call_hook
+from cgroup._checks.calls import call_hook
 from cgroup._checks.values import run_options
 from cgroup._show.drawing import plot
-from cgroup._show.notebook import pose_html, result_table
+from cgroup._show.words import pose_html, result_table
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.explanation import Explanation
 from cgroup.types.fields import Correspondences, Fields
