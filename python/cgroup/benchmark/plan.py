@@ -7,16 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
+from cgroup.benchmark import entries
 from cgroup.benchmark.config import Config
-from cgroup.benchmark.entries import (
-    ExperimentEntry,
-    MethodEntry,
-    PairsEntry,
-    SetEntry,
-    TimingEntry,
-    TrialSetEntry,
-    UnrelatedSetEntry,
-)
 from cgroup.benchmark.problem import AND, READY_MADE, Kind, Problem, Task, keyed_rng
 from cgroup.benchmark.solver import Solver
 from cgroup.datasets import Dataset, mixed_names, open_dataset
@@ -56,7 +48,7 @@ class PlannedSet:
     A solver is stopped after `limit` seconds.
     """
 
-    entry: SetEntry | TimingEntry
+    entry: entries.SetEntry | entries.TimingEntry
     problems: tuple[Problem, ...]
     solvers: tuple[Solver, ...]
     threads: tuple[int, ...]
@@ -123,7 +115,7 @@ class _OpenDatasets:
                 self.missing[name] = str(error)
         return not self.missing.keys() & set(names)
 
-    def draw_pairs(self, entry: PairsEntry, name: str, seed: int) -> list[str]:
+    def draw_pairs(self, entry: entries.PairsEntry, name: str, seed: int) -> list[str]:
         """Return the complete pairs of a data set, in its order unless names are given.
 
         A smaller draw is part of every larger one.
@@ -143,12 +135,12 @@ class _OpenDatasets:
 def _plan_sets(config: Config, opened: _OpenDatasets) -> Iterator[PlannedSet]:
     """Plan all sets except the timing; pipelines whose libraries are missing are left out."""
 
-    def installed(entries: Iterable[MethodEntry]) -> tuple[Solver, ...]:
-        reasons = {each: each.why_missing() for each in (entry.solver() for entry in entries)}
+    def installed(listed: Iterable[entries.MethodEntry]) -> tuple[Solver, ...]:
+        reasons = {each: each.why_missing() for each in (entry.solver() for entry in listed)}
         opened.missing |= {each.label: why for each, why in reasons.items() if why}
         return tuple(each for each, why in reasons.items() if not why)
 
-    def problems(entry: PairsEntry) -> tuple[Problem, ...]:
+    def problems(entry: entries.PairsEntry) -> tuple[Problem, ...]:
         names = [name for name in entry.dataset or (GeneratedMatches.name,) if opened.open(name)]
         found = (each for name in names for each in _list_problems(entry, name, opened, config.seed))
         return tuple(dict.fromkeys(found))
@@ -181,8 +173,10 @@ def _with_preset(method: Solver, preset: str) -> Solver:
     return replace(method, options=json.dumps({**options, **json.loads(method.options)}, sort_keys=True))
 
 
-def _list_problems(entry: PairsEntry, name: str, opened: _OpenDatasets, seed: int) -> Iterator[Problem]:
-    if isinstance(entry, TrialSetEntry) and entry.grid is not None:
+def _list_problems(
+    entry: entries.PairsEntry, name: str, opened: _OpenDatasets, seed: int
+) -> Iterator[Problem]:
+    if isinstance(entry, entries.TrialSetEntry) and entry.grid is not None:
         for recipe in entry.grid.recipes():
             kind = "related" if recipe.inliers else "mixed"
             yield Problem("matches", name, recipe.name, kind, seed=seed)
@@ -190,7 +184,7 @@ def _list_problems(entry: PairsEntry, name: str, opened: _OpenDatasets, seed: in
     ready_made = opened.found[name].role == "correspondences"
     _check_role(entry, name, ready_made=ready_made)
     pairs = opened.draw_pairs(entry, name, seed)
-    if isinstance(entry, ExperimentEntry):
+    if isinstance(entry, entries.ExperimentEntry):
         combinations = (READY_MADE,) if ready_made else entry.combinations
         for pair, level, combination in itertools.product(pairs, entry.levels or (None,), combinations):
             problem = Problem("experiment", name, pair, matches=combination, seed=seed)
@@ -200,7 +194,7 @@ def _list_problems(entry: PairsEntry, name: str, opened: _OpenDatasets, seed: in
                 problem = replace(problem, nuisance=entry.nuisance, level=level)
             yield replace(problem, front=entry.front.changes(problem.detector, problem.nuisance))
         return
-    assert isinstance(entry, UnrelatedSetEntry)  # noqa: S101 - no other class is left
+    assert isinstance(entry, entries.UnrelatedSetEntry)  # noqa: S101 - no other class is left
     mixed = mixed_names(opened.found[name]) if entry.mixed else []
     among = [both for both in mixed if set(both) <= set(pairs)]
     kinds: list[tuple[str, Kind, str]] = [
@@ -208,24 +202,24 @@ def _list_problems(entry: PairsEntry, name: str, opened: _OpenDatasets, seed: in
         *((pair, "mirrored", "") for pair in _draw("mirrored", entry.mirrored, pairs, seed, name)),
         *((pair, "mixed", other) for pair, other in _draw("mixed", entry.mixed, among, seed, name)),
     ]
-    matches = entry.matches if isinstance(entry, TrialSetEntry) else READY_MADE
+    matches = entry.matches if isinstance(entry, entries.TrialSetEntry) else READY_MADE
     for pair, kind, other in kinds:
         yield Problem(entry.task, name, pair, kind, other, matches=matches, voxel=entry.voxel, seed=seed)
 
 
-def _check_role(entry: PairsEntry, name: str, *, ready_made: bool) -> None:
+def _check_role(entry: entries.PairsEntry, name: str, *, ready_made: bool) -> None:
     """Raise if a set needs clouds and its data set has matches, or vice versa."""
     asking, refusal = _ASKING_FOR_CLOUDS[entry.task]
     message = ""
     if ready_made and entry.model_dump(include=asking, exclude_defaults=True):
         message = f"{entry.id}: {name} consists of correspondences; {refusal}"
-    elif not ready_made and isinstance(entry, TrialSetEntry) and not entry.matches:
+    elif not ready_made and isinstance(entry, entries.TrialSetEntry) and not entry.matches:
         message = f"{entry.id}: {name} has clouds; give matches, the way to match them"
     if message:
         raise InputError(message)
 
 
-def _plan_timing(config: Config, timing: TimingEntry, opened: _OpenDatasets) -> PlannedSet:
+def _plan_timing(config: Config, timing: entries.TimingEntry, opened: _OpenDatasets) -> PlannedSet:
     """Plan the timing on the first data set that exists."""
     name = next(filter(opened.open, timing.dataset), None)
     if name is None:
