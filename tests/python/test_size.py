@@ -14,9 +14,9 @@ FILES = sorted(PACKAGE.rglob("*.py"))
 
 MOST_LINES = {
     "": 34_200,
-    "benchmark/": 7_110,
+    "benchmark/": 7_125,
     "cli/": 3_470,
-    "datasets/": 3_200,
+    "datasets/": 3_175,
     "evaluation/": 1_470,
     "features/": 1_240,
     "fronts/": 860,
@@ -24,7 +24,7 @@ MOST_LINES = {
     "maps/": 1_065,
     "methods/": 820,
     "pages/": 1_130,
-    "plots/": 1_090,
+    "plots/": 1_080,
     "recognition/": 460,
     "registration/": 2_200,
     "scenes/": 2_075,
