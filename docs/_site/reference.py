@@ -116,7 +116,7 @@ GROUPS: dict[str, dict[str, str]] = {
         "Clouds and matches": "registration_figure comparison_figure keypoints_figure",
     },
     "cgroup.pages": {
-        "Pages of a result": "registration_page scene_page comparison_page",
+        "Pages of a result": "registration_page location_page recognition_page scene_page comparison_page",
         "Any page": "write_page",
     },
     "cgroup.registry": {

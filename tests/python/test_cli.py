@@ -195,6 +195,14 @@ def test_assess(folder: Path, pair: tuple[Path, Path], tmp_path: Path, capsys: C
     status, _, err = run(capsys, "assess", *pair, tmp_path / "wrong.txt")
     assert status == 3
     assert "cgroup register SOURCE TARGET --initial POSE --html" in " ".join(err.split())
+    assert not (tmp_path / "out").exists()
+    for pose, ends in ((folder / "truth.txt", 0), (tmp_path / "wrong.txt", 3)):
+        status, out, err = run(capsys, "assess", *pair, pose, "--html", "--out", "judged")
+        (page,) = results_in(tmp_path / "judged")
+        assert page.endswith("_assessed.html")
+        assert (status, page in (err if ends else out)) == (ends, True)
+        text = (tmp_path / "judged" / page).read_text(encoding="utf-8")
+        assert ("Refused" in text) == (ends == 3)
 
 
 def test_both_clouds_can_be_written_as_one(pair: tuple[Path, Path], tmp_path: Path, capsys: Capture) -> None:
@@ -339,7 +347,7 @@ def test_describe(pair: tuple[Path, Path], tmp_path: Path, capsys: Capture) -> N
 def test_recognize(folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture) -> None:
     monkeypatch.chdir(folder)  # lines of long paths would be broken
     models = [f"stone{seed}.ply" for seed in (1, 2, 3)]
-    options = ("--scene", "scene.ply", "--viewpoint", 0, 0, 0, "--out", "found")
+    options = ("--scene", "scene.ply", "--viewpoint", 0, 0, 0, "--out", "found", "--html")
     out = succeed(capsys, "recognize", *models, *options)
     lines = out.splitlines()
     assert lines[1].split("  ")[0] == "model"
@@ -353,7 +361,12 @@ def test_recognize(folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: Captur
     assert all(float(row[2]) > 0.9 and 0 < float(row[3]) <= 100 for row in rows[:3])
     names = results_in(folder / "found")
     found = ("stone1_in_scene-2", "stone1_in_scene", "stone2_in_scene")
-    assert names == [name + suffix for name in found for suffix in (".ply", ".txt")]
+    assert names == [
+        "models_in_scene.html",
+        *(name + suffix for name in found for suffix in (".ply", ".txt")),
+    ]
+    page = (folder / "found" / names[0]).read_text(encoding="utf-8")
+    assert page.count("data-near=") == page.count("data-copy=") == 3
     assert all(name in out for name in names)
     pose = read_transform(folder / "found" / "stone2_in_scene.txt")
     points = stone_model(2).points

@@ -9,8 +9,8 @@ from command_lines import fail, run, succeed, undocumented
 
 from cgroup.cli.commands import locate
 from cgroup.datasets import standin_pair
-from cgroup.io import read_transform, write_cloud
-from cgroup.rigid import rotation_error
+from cgroup.io import read_cloud, read_transform, write_cloud
+from cgroup.rigid import apply, rotation_error
 
 Capture = pytest.CaptureFixture[str]
 PAIR = standin_pair(seed=1, pixels=100)
@@ -48,12 +48,14 @@ def test_a_scan_is_located(folder: Path, capsys: Capture) -> None:
     assert "% of the scan overlaps the map\n" in out
     assert "\npose of the scan in the map's frame\n" in out
     assert "target" not in out
-    assert lines[-1] == "wrote placed/scan_in_map.txt"
+    assert lines[-2:] == ["wrote placed/scan_in_map.txt", "wrote placed/scan_in_map_aligned.ply"]
+    moved = read_cloud("placed/scan_in_map_aligned.ply").points
+    assert np.allclose(moved, apply(pose, PAIR.source.points), atol=1e-3)
 
 
 def test_a_map_is_kept_and_opened(capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
     out = succeed(capsys, *LINE, "--voxel", 4, "--save-map", "maps/kept")
-    assert out.endswith("wrote out/scan_in_map.txt\nwrote maps/kept\n")
+    assert out.endswith("wrote out/scan_in_map.txt\nwrote out/scan_in_map_aligned.ply\nwrote maps/kept\n")
     monkeypatch.delattr(locate, "prepare_map")  # it isn't prepared again
     done = json.loads(succeed(capsys, "locate", "scan.ply", "--map", "maps/kept", "--json"))
     assert done["inputs"][1]["points"] == len(PAIR.target)
@@ -67,7 +69,7 @@ def test_the_document(capsys: Capture) -> None:
     assert said["command"] == "locate"
     assert [one["role"] for one in said["inputs"]] == ["scan", "map"]
     assert said["options"]["radius"] == 20.0
-    assert said["files"] == ["out/scan_in_map.txt"]
+    assert said["files"] == ["out/scan_in_map.txt", "out/scan_in_map_aligned.ply"]
     done = said["results"]
     assert done["ok"]
     (place,) = done["places"]
@@ -88,7 +90,7 @@ def test_places_that_look_the_same_are_listed(capsys: Capture) -> None:
     assert np.allclose([float(number) for number in nearest[2:]], ORIGIN, atol=2.0)
     assert "pose of the scan" not in out
     assert err.startswith("cgroup: 2 places look the same, and the best is correct with a probability of 0.")
-    assert err.endswith("give --near\n")
+    assert err.endswith("give --near; --html draws the best guess\n")
     assert not Path("out").exists()
     succeed(capsys, *line, "--near", *ORIGIN, "--radius", 20)
 
@@ -101,8 +103,9 @@ def test_a_scan_of_elsewhere_is_refused(capsys: Capture) -> None:
     assert "pose of the scan" not in out
     assert err.startswith("cgroup: the best place is correct with a probability of 0.")
     assert "of the scan overlaps the map; for single scans, give" in err
-    assert err.endswith("--viewpoint\n")
+    assert err.endswith("--viewpoint; --html draws the best guess\n")
     assert not Path("out/scan_in_map.txt").exists()  # of the earlier run
+    assert not Path("out/scan_in_map_aligned.ply").exists()
     status, out, err = run(capsys, *LINE, "--viewpoint", 0, 0, 0, "--json")
     assert status == 3
     assert "--viewpoint" not in err
@@ -145,3 +148,17 @@ def test_no_input_and_no_other_pose_is_replaced(capsys: Capture) -> None:
     assert pose.read_text() == "mine"
     Path("scan_in_map.txt").hardlink_to("scan.ply")
     assert "is one of the inputs" in fail(capsys, *LINE, "--out", ".")
+
+
+def test_a_page_shows_each_place(capsys: Capture) -> None:
+    write_twice("twice.ply")
+    line = ("locate", "scan.ply", "--map", "twice.ply", "--html")
+    status, out, err = run(capsys, *line)
+    assert (status, "wrote out/scan_in_twice.html" in out, "--html" in err) == (3, True, False)
+    page = Path("out/scan_in_twice.html").read_text(encoding="utf-8")
+    assert "Refused" in page
+    assert page.count("data-near=") == 2
+    succeed(capsys, *line, "--near", *ORIGIN, "--radius", 20)
+    assert "Refused" not in Path("out/scan_in_twice.html").read_text(encoding="utf-8")
+    succeed(capsys, *line[:-1], "--near", *ORIGIN, "--radius", 20)  # of the same result
+    assert Path("out/scan_in_twice.html").exists()

@@ -22,6 +22,7 @@ from cgroup.pages.matches import MAX_MATCHES, draw_pair
 from cgroup.pages.page import chart_html, page_html
 from cgroup.registration import Registration, correspond, register
 from cgroup.rigid import apply
+from cgroup.types import PointCloud
 
 plotly = pytest.importorskip("plotly", reason="needs the extra cgroup[scans]")
 
@@ -117,6 +118,12 @@ def test_the_page_of_a_registration(registered: Registration, tmp_path: Path) ->
     write_page(tmp_path / "page.html", page)
     assert (tmp_path / "page.html").stat().st_size < 5_000_000
     assert "Refused" not in page
+    assert '<option value="distance" selected>' in page
+    gray = np.full((len(PAIR.source), 3), 99, np.uint8)
+    painted = PointCloud(PAIR.source.points, colors=gray)
+    assert '<option value="own" selected>' in registration_page(painted, PAIR.target, registered)
+    (copied,) = re.findall('data-copy="(.*?)"', page, re.DOTALL)
+    assert np.array_equal(np.fromstring(copied, sep=" ").reshape(4, 4), registered.T_target_source)
 
 
 def levels_of(page: str) -> np.ndarray:

@@ -1,5 +1,6 @@
 """What people see of a scene: a figure, a table, a page."""
 
+import colorsys
 import re
 
 import numpy as np
@@ -10,6 +11,8 @@ from test_pages import NASTY, data_of
 
 from cgroup import InputError
 from cgroup.pages import scene_page
+from cgroup.plots.scans import scans_figure
+from cgroup.scenes.scene import scan_colors
 
 plotly = pytest.importorskip("plotly", reason="needs the extra cgroup[scans]")
 
@@ -55,3 +58,21 @@ def test_nothing_breaks_out_of_its_place_and_nothing_is_fetched() -> None:
     page = scene_page(known_scene(names=[NASTY] * 4, notes=(NASTY,)), title=NASTY)
     assert "<img" not in page
     assert not re.findall(r'(?:src|href)\s*=\s*["\']?(?:https?:)?//', page)
+
+
+def test_many_scans_have_hues_in_their_order_and_the_nearest_is_drawn() -> None:
+    colors = scan_colors(100) / 255
+    hues = np.array([colorsys.rgb_to_hls(*color)[0] for color in colors])
+    assert np.allclose(np.diff(hues), 0.01, atol=0.005)
+    assert len(np.unique(colors, axis=0)) == 100
+    rng = np.random.default_rng(0)
+    shifts = np.arange(30.0)[:, None] * [2.0, 0.0, 0.0]  # each covers most of its neighbours
+    clouds = [rng.uniform((-20, -5, 0), (20, 5, 1), size=(2_000, 3)) + shift for shift in shifts]
+    tints = np.tile((np.arange(30) / 29)[:, None], 3)
+    figure = scans_figure(clouds, [""] * 30, tints, [])
+    (image,) = figure.axes[0].images
+    shown = np.asarray(image.get_array())
+    known = np.nonzero(shown[..., 3])
+    left, right = image.get_extent()[:2]
+    across = left + (known[1] + 0.5) / shown.shape[1] * (right - left)
+    assert abs(np.corrcoef(across, shown[known][:, 0])[0, 1]) > 0.8

@@ -15,7 +15,7 @@ FILES = sorted(PACKAGE.rglob("*.py"))
 MOST_LINES = {
     "": 34_200,
     "benchmark/": 7_125,
-    "cli/": 3_470,
+    "cli/": 3_525,
     "datasets/": 3_175,
     "evaluation/": 1_470,
     "features/": 1_240,
@@ -23,11 +23,11 @@ MOST_LINES = {
     "io/": 2_200,
     "maps/": 1_065,
     "methods/": 820,
-    "pages/": 1_130,
+    "pages/": 1_350,
     "plots/": 1_080,
     "recognition/": 460,
     "registration/": 2_200,
-    "scenes/": 2_075,
+    "scenes/": 2_080,
 }
 """Lines of the package and of its rooms, with docstrings and blank lines."""
 

@@ -97,6 +97,8 @@ WRONG_CALLS: dict[str, list[Callable[[Any], Any]]] = {
     "cgroup.plots.keypoints_figure": [given(PROBLEM.source, {"h3d": np.array([12])}, title="")],
     "cgroup.plots.registration_figure": [drawn(mask=np.ones(13, bool))],
     "cgroup.pages.comparison_page": [given(CLOUD, CLOUD, BARE, [], np.eye(4))],
+    "cgroup.pages.location_page": [given(CLOUD, PLACE, []), given(CLOUD, CLOUD, [DONE])],
+    "cgroup.pages.recognition_page": [given({}, CLOUD, [("a", DONE)]), given(CLOUD, CLOUD, [])],
     "cgroup.pages.registration_page": [given(CLOUD, CLOUD, 3)],
     "cgroup.pages.scene_page": [given(PAIR)],
     "cgroup.pages.write_page": [given(NOWHERE / "page.html", "")],

@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cgroup._checks.arrays import FloatArray
+from cgroup.rigid.transforms import axis_of
 
 _FEWEST_DIGITS, _MOST_DIGITS = 3, 17
 _EXACT = 1e-9  # part of its extent by which a printed pose may move a cloud elsewhere
 _NARROWEST = 12  # columns of a number of a pose
+_LEAST_TURN = 0.005  # degrees below which a rotation has no axis
 
 
 def number(value: float) -> str:
@@ -57,6 +59,18 @@ def say_direction(vector: NDArray[np.float64]) -> str:
     """Write a direction as a unit vector of two decimals."""
     x, y, z = np.round(vector / np.linalg.norm(vector), 2) + 0.0  # no -0.00
     return f"({x:.2f}, {y:.2f}, {z:.2f})"
+
+
+def say_placement(pose: NDArray[np.float64], middle: NDArray[np.float64]) -> str:
+    """Describe a pose by where it moves the middle of a cloud, and its rotation."""
+    x, y, z = (
+        np.format_float_positional(value, precision=4, unique=False, fractional=False, trim="-")
+        for value in middle
+    )
+    sine = float(np.linalg.norm(pose[:3, :3] - np.eye(3))) / math.sqrt(8)
+    angle = math.degrees(2 * math.asin(min(1.0, sine)))
+    turned = f"rotated by {angle:.3g} degrees about the axis {say_direction(axis_of(pose))}"
+    return f"middle at ({x}, {y}, {z}), {turned if angle > _LEAST_TURN else 'not rotated'}"
 
 
 def pose_lines(pose: ArrayLike, middle: ArrayLike | None = None, extent: float | None = None) -> list[str]:

@@ -101,6 +101,7 @@ def _point(help_text: str, shown: str | None = None) -> tuple[Any, Any]:
 
 Point = tuple[float, float, float]
 
+DRAW_GUESS = "; --html draws the best guess"
 GIVE_VIEWPOINT = "; for single scans, give the scanner position: --viewpoint"
 
 SOURCE = argument("SOURCE", f"Cloud to move: {FORMATS}.")

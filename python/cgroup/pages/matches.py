@@ -114,6 +114,7 @@ class View:
     first: int = 0  # the selection that is shown first
     columns: tuple[str, ...] = ()  # heads of the selections' numbers
     facts: Sequence[tuple[str, str]] = ()  # names and HTML, below the view
+    start: str = "apart"  # with lines; or "joined", coloured by distance, without
 
 
 def view_page(view: View) -> str:
@@ -129,11 +130,11 @@ def view_page(view: View) -> str:
         clouds=pair.clouds,
         data=_data(view, pair, rows, kinds),
         script="matches.js",
-        side=f"{_methods(view)}{_switches(kinds)}{_about(view, rows)}",
+        side=f"{_methods(view)}{_switches(view, kinds)}{_about(view, rows)}",
         below="",
         help=_HELP,
         facts=view.facts,
-        start="apart",
+        start=view.start,
         traces=[
             *({**line, "line": {"width": 3.0 if _is_shown(kind) else 2.0}} for kind in kinds),
             {**line, "line": {"width": 9}, "hoverinfo": "skip"},
@@ -233,7 +234,11 @@ def _controls(view: View) -> str:
     named = {"scan": "by cloud", "distance": "by distance", "own": "as scanned"}
     if all(colors is None for colors in view.colors):
         del named["own"]
-    choices = "".join(f'<option value="{name}">{text}</option>' for name, text in named.items())
+    first = "own" if "own" in named else "distance" if view.start == "joined" else "scan"
+    choices = "".join(
+        f'<option value="{name}"{" selected" if name == first else ""}>{text}</option>'
+        for name, text in named.items()
+    )
     scale = scale_html(style.DISTANCE_COLORS, color_range(view.matches, view.target))
     return (
         f'<div class="bar"><label>colours <select id="colors" disabled>{choices}</select></label></div>'
@@ -269,9 +274,10 @@ def _methods(view: View) -> str:
     )
 
 
-def _switches(kinds: list[Kind]) -> str:
+def _switches(view: View, kinds: list[Kind]) -> str:
     clouds = [("source", "source", True, " dot"), ("target", "target", True, " dot")]
-    lines = [(kind.name, kind.text, _is_shown(kind), "") for kind in kinds]
+    is_apart = view.start == "apart"
+    lines = [(kind.name, kind.text, is_apart and _is_shown(kind), "") for kind in kinds]
     boxes = "".join(
         f'<label><input type="checkbox" id="show-{name}"{" checked" if shown else ""} disabled>'
         f'<span class="swatch{shape}" style="--color: var(--{name})"></span>{text}'

@@ -20,9 +20,14 @@ from operator import itemgetter
 from string import Template
 from typing import Any
 
+import numpy as np
+
 from cgroup._checks.values import as_instance, refusal
+from cgroup._show.words import pose_lines
 from cgroup.errors import InputError
 from cgroup.io import write_file
+from cgroup.io.files import number_lines
+from cgroup.types import FloatArray
 
 # Letters that could end a script or a comment; JSON has them in texts only, where escapes mean the same.
 _UNSAFE_IN_SCRIPTS = {ord(letter): f"\\u{ord(letter):04x}" for letter in "<>&\u2028\u2029"}
@@ -63,6 +68,13 @@ def facts_html(facts: Iterable[tuple[str, str]]) -> str:
         for name, same in groupby(facts, itemgetter(0))
     )
     return f'<dl class="facts">{lines}</dl>' if lines else ""
+
+
+def pose_html(pose: FloatArray, cloud: FloatArray) -> str:
+    """Make the HTML of the pose of a cloud, with a button that copies it in full precision."""
+    lines = "\n".join(pose_lines(pose, cloud.mean(axis=0), float(np.linalg.norm(np.ptp(cloud, axis=0)))))
+    exact = "\n".join(number_lines(pose))
+    return f'<pre>{lines}</pre><button type="button" data-copy="{exact}">Copy in full precision</button>'
 
 
 def table_html(columns: Iterable[str], lines: str, *, label: str) -> str:

@@ -11,12 +11,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from cgroup._checks.values import as_instance, as_items
 from cgroup._show.drawing import as_flags, as_points
-from cgroup._show.words import pose_lines
 from cgroup.comparison import MethodResult, find_correct
 from cgroup.errors import InputError
 from cgroup.evaluation import rotation_error, translation_error
 from cgroup.io import PointCloud
 from cgroup.pages.matches import Selection, View, view_page
+from cgroup.pages.page import pose_html
 from cgroup.registration import Registration
 from cgroup.registry import look_up_method
 from cgroup.rigid import check_rigid
@@ -71,7 +71,7 @@ def registration_page(
     true_pose = None if truth is None else check_rigid(truth, "truth")
     view = View(
         title=as_instance("title", title, str),
-        lead=_lead(registration, refusal),
+        lead=lead_html(registration, refusal),
         source=as_points("source", source),
         target=as_points("target", target),
         colors=(_colors_of(source), _colors_of(target)),
@@ -81,6 +81,7 @@ def registration_page(
         truth=true_pose,
         selections=[Selection("register", registration.grouping)],
         facts=_facts(registration, true_pose, as_points("source", source)),
+        start="joined",
     )
     return view_page(view)
 
@@ -89,24 +90,25 @@ def _colors_of(cloud: AnyCloud) -> NDArray[np.uint8] | None:
     return cloud.colors if isinstance(cloud, PointCloud) else None
 
 
-def _lead(registration: Registration, refusal: str | None) -> str:
+def lead_html(
+    registration: Registration, refusal: str | None, names: tuple[str, str] = ("source", "target")
+) -> str:
+    """Make the HTML of a registration's first sentence, or of the reason why it was refused."""
     if refusal is not None:
         why = as_instance("refusal", refusal, str)
         sentence = html.escape(f"{why[:1].upper()}{why[1:].removesuffix('.')}.")
         return f'<p class="refused" role="alert"><b>Refused: this is a guess.</b> {sentence}</p>'
     count = f"{registration.grouping.size:,} of {len(registration.correspondences):,} matches"
     chance = f"The pose is correct with a probability of {registration.probability:.3f}."
-    share = f"{100 * registration.fitness:.0f} % of the source overlaps the target"
+    share = f"{100 * registration.fitness:.0f} % of the {names[0]} overlaps the {names[1]}"
     return f'<p class="lead quiet">{chance} {share}; {count} agree with the pose.</p>'
 
 
 def _facts(registration: Registration, truth: FloatArray | None, source: FloatArray) -> list[tuple[str, str]]:
     pose = registration.T_target_source
-    extent = float(np.linalg.norm(np.ptp(source, axis=0)))
-    lines = "\n".join(pose_lines(pose, source.mean(axis=0), extent))
     shares = [f"{100 * share:.0f} %" for share in (registration.fitness, registration.target_fitness)]
     facts: list[tuple[str, Any]] = [
-        ("pose", f"<pre>{lines}</pre>"),
+        ("pose", pose_html(pose, source)),
         ("probability", f"{registration.probability:.3f} that the pose is correct"),
         ("overlap", f"{shares[0]} of the source overlaps the target, {shares[1]} of the target the source"),
         ("residual", f"{registration.inlier_rmse:.3g} in the overlap (root mean square)"),

@@ -1,5 +1,16 @@
 // Clouds on a stage. `await staged` gives a page's own script the stage, null without a chart: it may set
 // `stage.more`, a function that returns the changes of further traces for each draw.
+for (const button of document.querySelectorAll("[data-copy]")) button.addEventListener("click", async () => {
+  const text = document.createElement("textarea");
+  try { await navigator.clipboard.writeText(button.dataset.copy); } catch { // refused, or an old browser
+    text.value = button.dataset.copy;
+    button.after(text);
+    text.select();
+    document.execCommand("copy");
+    text.remove();
+  }
+  button.textContent = "Copied";
+});
 const staged = (async () => {
   const view = JSON.parse(document.getElementById("stage-data").textContent);
   const get = (id) => document.getElementById(id);
@@ -7,6 +18,7 @@ const staged = (async () => {
   const eye = 1.6; // distance of the camera, in which the frame is 2 * 1.6 * tan(22.5 degrees) high
   let share = view.start === "joined" ? 1 : 0;
   let isPlaying = null;
+  let nearest = null; // the cloud that fills the view, null for all
 
   let area;
   try { area = await charts.get("scene"); } catch { return null; }
@@ -30,7 +42,9 @@ const staged = (async () => {
 
   // The box about all clouds, as large as it fits.
   function frame() {
-    const [low, high] = [0, 1].map((end) => mix(view.boxes.apart[end], view.boxes.joined[end]));
+    const [low, high] = [-1, 1].map((side) => (nearest === null
+      ? mix(view.boxes.apart[(1 + side) / 2], view.boxes.joined[(1 + side) / 2])
+      : place(nearest).map((value, axis) => value + side * 0.75 * view.sizes[nearest][axis])));
     const sizes = high.map((value, axis) => value - low[axis]);
     const most = Math.max(...sizes, 1e-30);
     const room = 0.9 * 2 * (eye - 0.3) * Math.tan(Math.PI / 8);
@@ -75,11 +89,20 @@ const staged = (async () => {
     await move(share);
   }
 
-  const resetView = () => draw({"scene.camera": {eye: {x: 0, y: 0, z: eye}, up: {x: 0, y: 1, z: 0}, center: {x: 0, y: 0, z: 0}}});
+  // Looks from above, or from a side of it by some degrees.
+  function look(degrees = 0) {
+    const [sine, cosine] = [Math.sin(degrees * Math.PI / 180), Math.cos(degrees * Math.PI / 180)];
+    return draw({"scene.camera": {eye: {x: 0, y: -eye * sine, z: eye * cosine}, up: {x: 0, y: cosine, z: sine}, center: {x: 0, y: 0, z: 0}}});
+  }
+
+  function zoom(cloud) {
+    nearest = cloud;
+    return draw();
+  }
 
   get("place").addEventListener("input", (event) => { isPlaying = null; move(event.target.value / 100); });
   get("play").addEventListener("click", play);
-  get("reset").addEventListener("click", resetView);
+  get("reset").addEventListener("click", () => { nearest = null; look(); });
   addEventListener("resize", () => draw());
 
   async function begin() {
@@ -87,6 +110,6 @@ const staged = (async () => {
     document.body.dataset.ready = "yes";
   }
 
-  const stage = {view, area, plotly, traces, place, bytesOf, draw, begin, more: () => ({})};
+  const stage = {view, area, plotly, traces, place, bytesOf, draw, look, zoom, begin, more: () => ({})};
   return stage;
 })();

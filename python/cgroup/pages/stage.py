@@ -166,7 +166,8 @@ def stage_page(stage: Stage) -> str:
     chart = chart_html("scene", figure, label=stage.label, height="min(68vh, 46rem)")
     places = {name: [getattr(cloud, name).tolist() for cloud in stage.clouds] for name in ("joined", "apart")}
     boxes = {name: _bounds(stage.clouds, name) for name in places}
-    data = {"start": stage.start, **places, "boxes": boxes, **stage.data}
+    sizes = [cloud.size.tolist() for cloud in stage.clouds]
+    data = {"start": stage.start, **places, "boxes": boxes, "sizes": sizes, **stage.data}
     share = 100 if stage.start == "joined" else 0
     listed = "".join(f"<li>{line}</li>" for line in (*_HELP, *stage.help))
     body = (

@@ -60,7 +60,10 @@ def look_at(clouds: Sequence[FloatArray]) -> View:
 
 
 def _draw_scans(axes: Axes, clouds: Sequence[FloatArray], colors: FloatArray, view: View) -> None:
-    """Draw each cell in the colour of the scan that is nearest to the viewer there."""
+    """Draw each cell in the colour of the scan that is nearest to the viewer there.
+
+    Many scans cover each other: then that of the scan whose middle is nearest.
+    """
     few = [view.project(cloud[choose_rows(cloud, _MOST_POINTS // len(clouds))]) for cloud in clouds]
     every, scan = np.concatenate(few), np.repeat(np.arange(len(few)), [len(cloud) for cloud in few])
     picture = paint(every, np.zeros(len(every)), lambda mean: np.ones((*mean.shape, 3)))
@@ -69,7 +72,11 @@ def _draw_scans(axes: Axes, clouds: Sequence[FloatArray], colors: FloatArray, vi
     column = ((every[:, 0] - left) / (right - left) * width).astype(np.int64)
     row = ((every[:, 1] - bottom) / (top - bottom) * height).astype(np.int64)
     inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-    order = np.flatnonzero(inside)[np.argsort(every[inside, 2], kind="stable")]  # the nearest last
+    nearness = every[:, 2]
+    if len(few) > MOST_NAMED:
+        middles = np.array([np.median(cloud[:, :2], axis=0) for cloud in few])
+        nearness = -np.linalg.norm(every[:, :2] - middles[scan], axis=1)
+    order = np.flatnonzero(inside)[np.argsort(nearness[inside], kind="stable")]  # the nearest last
     tints = np.full((height, width, 3), _HOLE)
     tints[row[order], column[order]] = colors[scan[order]]
     picture.rgba[..., :3] *= tints

@@ -33,6 +33,7 @@ from cgroup.types.point_cloud import as_cloud
 # Colours that are distinct for every common kind of colour vision
 _FIRST_COLORS = bytes.fromhex("E69F00 0072B2 009E73 CC79A7 56B4E9 D55E00 B8AC1B 7A5195")
 _GOLDEN = 0.618  # turn between the hues of consecutive scans, which keeps them apart
+_MOST_DISTINCT = 24  # scans that can be told apart by colours; of more, those in sequence have similar hues
 
 _CLOUDS, _GRAPHS = (".ply", ".pcd"), (".g2o", ".json")
 POSE_FORMATS = (".tum", ".kitti", ".log")
@@ -40,7 +41,10 @@ WITHOUT_NAMES = (".kitti", ".log")  # formats without comments: many readers exp
 
 
 def scan_colors(count: int) -> NDArray[np.uint8]:
-    """Return red, green and blue of a number of scans."""
+    """Return red, green and blue of scans: distinct ones, or hues in the order of many scans."""
+    if count > _MOST_DISTINCT:
+        hues = [colorsys.hls_to_rgb(number / count, (0.45, 0.6)[number % 2], 0.75) for number in range(count)]
+        return np.rint(255 * np.array(hues)).astype(np.uint8)
     first = np.frombuffer(_FIRST_COLORS, np.uint8).reshape(-1, 3)
     further = [
         colorsys.hls_to_rgb(_GOLDEN * number % 1, (0.42, 0.58, 0.7)[number % 3], 0.62)

@@ -5,8 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import typer
+
+from cgroup import io
 from cgroup.cli import options
-from cgroup.cli.command import command, make_app
+from cgroup.cli.command import command, identify_run, make_app
 from cgroup.cli.documents import Document
 from cgroup.cli.files import describe_cloud, name_frames, name_of_pair, read_cloud, refuse_others, write_pose
 from cgroup.cli.options import Point, option
@@ -71,10 +74,14 @@ def _check_new(name: str | None) -> Path | None:
     "# prepare a large map once, and keep it for the next scans",
     "cgroup locate scan1.ply --map city.laz --save-map city",
     "cgroup locate scan2.ply --map city --near 310 -42 0 --radius 20 --json",
+    "",
+    "# see the scan in its place, and rival places",
+    "cgroup locate scan.ply --map building.ply --html",
     show=_print_places,
     takes=("voxel", *options.VIEW, "effort"),
 )
 def locate_command(
+    context: typer.Context,
     scan: Path = options.argument("SCAN", f"Cloud to locate: {options.FORMATS}."),
     *,
     map: Path = option(..., "MAP", "Cloud, or a folder of --save-map.", options.CLOUDS),  # noqa: A002
@@ -85,6 +92,7 @@ def locate_command(
         None, "LENGTH", "Search radius around --near.", options.SEARCH, "the scan's radius"
     ),
     out: Path = options.OUT,
+    html: bool = options.HTML,
     save_map: Path | None = option(
         None, "FOLDER", "Keep the prepared map here.", options.OUTPUT, parser=str, callback=_check_new
     ),
@@ -92,22 +100,34 @@ def locate_command(
 ) -> Document:
     """Estimate the pose of a scan in a map; exit status 3 if none is reliable.
 
-    Writes the pose, SCAN_in_MAP.txt. If the map repeats, all places that share the probability are listed.
+    Writes the pose and the scan in the map's frame: SCAN_in_MAP.txt, SCAN_in_MAP_aligned.ply. If the map
+    repeats, all places that share the probability are listed.
     """
     voxel = shared.pop("voxel")
-    pose, frames = out / f"{name_of_pair(scan, map, 'in')}.txt", name_frames(scan, map)
-    results = Results(out, f"locate {pose.stem}")
-    check_outputs([pose], [scan, map])
+    name, frames = name_of_pair(scan, map, "in"), name_frames(scan, map)
+    pose, moved, page = (out / f"{name}{ending}" for ending in (".txt", "_aligned.ply", ".html"))
+    results = Results(out, f"locate {name}")
+    check_outputs([pose, moved, page], [scan, map])
     refuse_others([pose], frames)
-    results.check([pose])
+    results.check([pose, moved, *([page] if html else [])])
     as_disk(near, radius)  # preparing a map may take long
     with show_stages() as begin:
         cloud = read_cloud(scan, begin)
         place, described = _open_map(map, voxel, save_map, begin)
         found = locate(cloud, place, **shared, near=near, radius=radius, progress=begin)
-    with results.writing() as files:
-        if is_found := bool(found) and found[0].ok:
+    is_found = bool(found) and found[0].ok
+    views = shared["viewpoint"], shared["view_direction"], cloud.viewpoint
+    is_viewed = any(view is not None for view in views)
+    refusal = None if is_found else _reason(found, is_near=near is not None, is_viewed=is_viewed)
+    with results.writing(identify_run(context)) as files:
+        if is_found:
             write_pose(pose, found[0].T_target_source, frames)
+            io.write_cloud(moved, found[0].place(cloud))
+        if html and found:
+            from cgroup.pages import location_page, write_page  # noqa: PLC0415 - slow to load
+
+            title = f"{scan.name} in {map.name}"
+            write_page(page, location_page(cloud, place, found, title=title, refusal=refusal))
     parts: Document = {
         "inputs": [describe_cloud("scan", scan, cloud), described],
         "results": {
@@ -117,10 +137,8 @@ def locate_command(
         },
         "files": [*files, *([save_map] if save_map else [])],
     }
-    if not is_found:
-        views = shared["viewpoint"], shared["view_direction"], cloud.viewpoint
-        is_viewed = any(view is not None for view in views)
-        parts["refusal"] = _reason(found, is_near=near is not None, is_viewed=is_viewed)
+    if refusal is not None:
+        parts["refusal"] = refusal + (options.DRAW_GUESS if found and not html else "")
     return parts
 
 

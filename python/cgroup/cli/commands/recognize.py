@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import typer
 
 from cgroup import io
 from cgroup._checks.arrays import in_double
-from cgroup._show.words import say_direction
+from cgroup._show.words import say_placement
 from cgroup.cli import options
-from cgroup.cli.command import command, make_app
+from cgroup.cli.command import command, identify_run, make_app
 from cgroup.cli.documents import Document
 from cgroup.cli.files import describe_cloud, name_frames, name_of_pair, read_cloud, refuse_others, write_pose
 from cgroup.cli.options import argument, option
@@ -23,15 +24,13 @@ from cgroup.cli.terminal import (
     print_facts,
     print_files,
     print_table,
-    show_length,
     show_stages,
 )
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.io.files import check_outputs
 from cgroup.io.result_folders import Results
 from cgroup.registration import Registration, recognize
-from cgroup.rigid import apply, rotation_error
-from cgroup.rigid.transforms import axis_of
+from cgroup.rigid import apply
 from cgroup.types import PointCloud
 
 _COLUMNS = (
@@ -59,18 +58,15 @@ def _print_models(document: Document, *, wide: bool) -> None:
             rows.append((name, which, *numbers))
     print_table(_COLUMNS, rows, wide=wide)
     if results["found"]:
-        print_facts(*((Path(one["file"]).stem, _describe_place(one)) for one in results["found"]))
+        placed = (
+            (one, np.array(one["T_target_source"]), np.array(one["middle"])) for one in results["found"]
+        )
+        print_facts(*((Path(one["file"]).stem, say_placement(*where)) for one, *where in placed))
         print_facts(
             ("voxel", f"{results['voxel']:.4g} (in the files' unit, as all lengths)"),
             ("time", f"{results['seconds']:.2f} s"),
         )
         print_files(document)
-
-
-def _describe_place(one: Document) -> str:
-    pose, middle = np.array(one["T_target_source"]), ", ".join(show_length(value) for value in one["middle"])
-    turn = f"{rotation_error(pose, np.eye(4)):.3g} degrees about the axis {say_direction(axis_of(pose))}"
-    return f"middle at ({middle}), rotated by {turn}"
 
 
 @command(
@@ -79,11 +75,12 @@ def _describe_place(one: Document) -> str:
     "cgroup recognize chef.ply T-rex.ply --scene scan.ply --viewpoint 0 0 0",
     "",
     "# number and poses of bolts",
-    "cgroup recognize bolt.stl --scene box.pcd --voxel 0.002 --json",
+    "cgroup recognize bolt.stl --scene box.pcd --voxel 0.002 --html --json",
     show=_print_models,
     takes=("voxel", "viewpoint", "view_direction"),
 )
 def recognize_command(
+    context: typer.Context,
     models: list[Path] = argument(
         "MODEL", f"Whole models, in the scene's unit; meshes are best: {options.FORMATS}."
     ),
@@ -93,6 +90,7 @@ def recognize_command(
         None, "COUNT", "Largest number of copies per model.", options.SEARCH, "no limit", min=1
     ),
     out: Path = options.OUT,
+    html: bool = options.HTML,
     as_json: bool = options.JSON,
     wide: bool = options.WIDE,
     **shared: Any,
@@ -100,7 +98,7 @@ def recognize_command(
     """Detect models in a scene and estimate their poses; exit status 3 if none is found.
 
     Writes the pose and the posed cloud of each model found: MODEL_in_SCENE.txt and MODEL_in_SCENE.ply; of
-    further copies MODEL_in_SCENE-2.txt and so on.
+    further copies MODEL_in_SCENE-2.txt and so on. --html writes models_in_SCENE.html.
     """
     files = {file.stem: file for file in models}
     if len(files) < len(models):
@@ -111,6 +109,9 @@ def recognize_command(
         clouds = {name: read_cloud(file, begin) for name, file in files.items()}
         target = read_cloud(scene, begin)
         results = {name: _outputs_of(out, file, scene) for name, file in files.items()}
+        page = out / f"{name_of_pair(Path('models'), scene, 'in')}.html"
+        if html:
+            Results(out, "recognize").check([page])
         found = recognize(clouds, target, **shared, most=most, progress=begin)
     copies: Counter[str] = Counter()
     written: list[tuple[Path, Path]] = []
@@ -120,8 +121,14 @@ def recognize_command(
     by_model = {name: [k for k, (other, _) in enumerate(found) if other == name] for name in files}
     for name, rows in by_model.items():
         results[name].check(file for k in rows for file in written[k])
+    pages = [page] if html and found else []
     for name, rows in by_model.items():
-        with results[name].writing():
+        with results[name].writing(identify_run(context)):
+            if pages and name == found[0][0]:
+                from cgroup.pages import recognition_page, write_page  # noqa: PLC0415 - slow to load
+
+                title = f"Models in {scene.name}"
+                write_page(page, recognition_page(clouds, target, found, title=title))
             for k in rows:
                 (pose, posed), T_target_source = written[k], found[k][1].T_target_source
                 write_pose(pose, T_target_source, name_frames(files[name], scene))
@@ -140,7 +147,7 @@ def recognize_command(
             "voxel": found[0][1].voxel if found else None,
             "seconds": sum(found[0][1].seconds.values()) if found else None,
         },
-        "files": list(itertools.chain.from_iterable(written)),
+        "files": [*itertools.chain.from_iterable(written), *pages],
     }
     if not found:
         if not as_json:  # an error is an object of its own

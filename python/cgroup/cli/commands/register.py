@@ -13,13 +13,14 @@ from cgroup.cli import options
 from cgroup.cli.command import command, identify_run, make_app
 from cgroup.cli.documents import Document
 from cgroup.cli.errors import RefusedPoseError, is_given, reword
-from cgroup.cli.files import PairFiles, describe_pair, print_pair_files, read_both
+from cgroup.cli.files import PairFiles, describe_pair, name_of_pair, print_pair_files, read_both
 from cgroup.cli.options import argument, choice, flag, option
 from cgroup.cli.process import write_error
 from cgroup.cli.registration_facts import describe_truth, placement_facts, registration_results
 from cgroup.cli.terminal import print_clouds, print_facts, print_pose, show_stages
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.group import check_method
+from cgroup.io.result_folders import Results, check_folder
 from cgroup.registration import DenseFront, PaperFront, assess, register
 
 Front = Literal["dense", "paper"]
@@ -154,7 +155,7 @@ def register_command(
         if guess is None:
             raise
         if not html:
-            reason = f"{reason}; --html draws the best guess"
+            reason = f"{reason}{options.DRAW_GUESS}"
         results = registration_results(guess, clouds, true_pose)
         if true_pose is not None and not as_json:
             print_facts(("truth", f"the refused guess is {describe_truth(results)}"))
@@ -170,29 +171,49 @@ def register_command(
     app,
     "assess",
     "cgroup assess source.ply target.ply pose.txt",
-    "cgroup assess a.pcd b.pcd odometry.txt --viewpoint 0 0 0 --json",
+    "cgroup assess a.pcd b.pcd odometry.txt --viewpoint 0 0 0 --html --json",
     show=_print_registration,
     takes=_PAIR,
 )
 def assess_command(
+    context: typer.Context,
     source: Path = options.SOURCE,
     target: Path = options.TARGET,
     pose: Path = argument("POSE", "File of the pose that maps the source into the target's frame."),
+    *,
+    out: Path = options.folder("out", "Folder for the page; created if needed.", options.OUTPUT),
+    html: bool = options.HTML,
     **shared: Any,
 ) -> Document:
-    """Estimate how likely a given pose is correct; exit status 3 if it is unreliable."""
+    """Estimate how likely a given pose is correct; exit status 3 if it is unreliable.
+
+    With --html, writes the clouds under the pose as a page, SOURCE_on_TARGET_assessed.html.
+    """
     given = io.read_transform(pose)
     clouds = read_both(source, target)
+    page = out / f"{name_of_pair(source, target)}_assessed.html"
+    results, written = Results(out, f"assess {page.stem}"), list[Path]()
+    if html:
+        check_folder(out)
+        results.check([page], [source, target, pose])
     with show_stages() as begin:
         done = assess(*clouds, given, **shared, progress=begin)
-    if not done.ok:
+    message = None if done.ok else f"the pose is unreliable: {done.notes[0]}"
+    if html:
+        from cgroup.pages import registration_page, write_page  # noqa: PLC0415 - slow to load
+
+        title = f"{source.name} on {target.name}, given pose"
+        with results.writing(identify_run(context)) as written:
+            write_page(page, registration_page(*clouds, done, title=title, refusal=message))
+    if message is not None:
+        if html:
+            write_error(f"cgroup: wrote {page.name} of the refused pose to {escape(str(out))}/")
         advice = "to register from it: cgroup register SOURCE TARGET --initial POSE --html"
-        message = f"the pose is unreliable: {done.notes[0]}; {advice}"
-        raise RefusedPoseError(message, registration_results(done))
+        raise RefusedPoseError(f"{message}; {advice}", registration_results(done))
     return {
         "inputs": describe_pair((source, target), clouds),
         "results": registration_results(done),
-        "files": [],
+        "files": written,
     }
 
 
