@@ -213,7 +213,9 @@ class Grouping:
         >>> source = np.random.default_rng(0).uniform(size=(50, 3))
         >>> gtm(source, source + [1.0, 2.0, 3.0]).transform().round(6) + 0.0
         array([[1., 0., 0., 1.],
-               [0., 1., 0., 2.], [0., 0., 1., 3.], [0., 0., 0., 1.]])
+               [0., 1., 0., 2.],
+               [0., 0., 1., 3.],
+               [0., 0., 0., 1.]])
         """
         if self._positions is None:
             raise InputError(_WITHOUT_POINTS.format("transform"))
