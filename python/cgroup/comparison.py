@@ -82,9 +82,7 @@ def compare(
     max_displacement: float | None = None,
     progress: Callable[[str], Any] | None = None,
 ) -> Iterator[MethodResult]:
-    """Run methods one after another on the same correspondences.
-
-    Further parameters as for `find_correct`.
+    """Run methods on the same matches; further parameters as for `find_correct`.
 
     Parameters
     ----------
@@ -152,9 +150,8 @@ def find_correct(
     """
     if tolerance is None:
         tolerance = CORRECT_WITHIN * _need_resolution(correspondences, "tolerance")
-    return correct_matches(
-        correspondences.source, correspondences.target, T_target_source, tolerance=tolerance
-    )
+    points = correspondences.source, correspondences.target
+    return correct_matches(*points, T_target_source, tolerance=tolerance)
 
 
 def _need_resolution(correspondences: Correspondences, name: str) -> float:
@@ -200,26 +197,19 @@ def table(results: Iterable[MethodResult]) -> list[dict[str, str | int | float |
     """
     return [
         {
-            "method": result.method,
-            **{name: getattr(result.score, name) for name in _SCORES},
-            "precision_above_0.1": result.score.registered,
-            "registered": result.registered,
-            "rotation_error_deg": result.rotation_error,
-            "translation_error": result.translation_error,
-            "displacement": result.displacement,
-            "milliseconds": result.seconds * 1e3,
+            "method": result.method, **{name: getattr(result.score, name) for name in _SCORES},
+            "precision_above_0.1": result.score.registered, "registered": result.registered,
+            "rotation_error_deg": result.rotation_error, "translation_error": result.translation_error,
+            "displacement": result.displacement, "milliseconds": result.seconds * 1e3,
         }
         for result in results
-    ]
+    ]  # fmt: skip
 
 
 def write_table(path: str | os.PathLike[str], results: Iterable[MethodResult]) -> None:
-    """Write the results as CSV with one header line; they are as for `table`.
+    """Write the results as CSV with one header line.
 
-    Parameters
-    ----------
-    path : path-like
-        File to write.
+    They are as for `table`, and the path is as for `write_cloud`.
     """
     rows = table(results)
     if not rows:

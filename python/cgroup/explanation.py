@@ -16,8 +16,7 @@ class Explanation:
     kept : bool
         Whether it is in the group.
     method : str or None
-        Public name of the method; "register" for the verified group of a registration, None for a method of
-        one's own.
+        Public name; "register" for the verified group of a registration, None for a method of one's own.
     matches, selected : int
         How many matches there are, and how many the group has.
     score : float or None
@@ -43,17 +42,6 @@ class Explanation:
         Why, in words.
     remedy : str
         The single change that would have kept it; empty if it was kept, or if the change is unknown.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cgroup import ransac
-    >>> source = np.random.default_rng(0).uniform(size=(50, 3))
-    >>> target = source + 1.0
-    >>> target[49] += 0.5
-    >>> why = ransac(source, target, tolerance=0.1, refine=True).explain(49)
-    >>> why.kept, round(why.residual, 2), why.tolerance
-    (False, 0.87, 0.1)
     """
 
     index: int

@@ -23,7 +23,6 @@ from cgroup.types.grouping import find_probabilities
 
 __all__ = ["certify", "group", "group_many", "group_motions", "match_probabilities"]
 
-
 _AUTO = "auto"  # of a tolerance: estimated
 _MEANT = 'give group(Correspondences(source, target), "gtm"), or call gtm(source, target)'
 
@@ -100,9 +99,7 @@ def group_many(
     threads: int | None = None,
     **options: Any,  # noqa: ANN401 - those of the method
 ) -> list[Grouping]:
-    """Group many problems at once, one thread each, on all cores.
-
-    Further parameters as for `group`, the same for all problems.
+    """Group many problems at once, a thread each; the rest is as for `group`.
 
     Parameters
     ----------
@@ -271,10 +268,8 @@ def _points_of(matches: Correspondences) -> Fields:
 def check_method(
     method: str, options: Mapping[str, Any] | None = None, called: Callable[..., Any] | None = None
 ) -> str:
-    """Return the public name of a method; raise `InputError` for an unknown method or option.
-
-    `called` is the function that passes the options on; its own options are suggested too.
-    """
+    """Return the public name of a method; raise `InputError` for an unknown method or option."""
+    # `called` is the function that passes the options on; its own options are suggested too.
     info = find_method(method)
     own = [] if called is None else list(inspect.signature(called).parameters)
     _refuse_unknown(info.name, options or {}, _defaults(info.function), own)
@@ -295,10 +290,8 @@ def _refuse_unknown(
     if unknown is None:
         return
     if not own and unknown in FIELDS:
-        raise InputError(
-            "option",
-            remedy=f"{unknown!r} belongs to the matches: Correspondences(source, target, {unknown}=...)",
-        )
+        remedy = f"{unknown!r} belongs to the matches: Correspondences(source, target, {unknown}=...)"
+        raise InputError("option", remedy=remedy)
     raise unknown_option(method, unknown, known, own)
 
 
@@ -306,11 +299,7 @@ def _fields_for(info: MethodInfo, correspondences: Correspondences) -> Fields:
     for name in info.fields:
         if getattr(correspondences, name) is None:
             modest = [other.name for other in METHOD_INFO.values() if other.fields == ("source", "target")]
-            raise InputError(
-                "method",
-                remedy=(
-                    f"{info.name} needs `{name}`, which these correspondences lack; give `Correspondences` "
-                    f"with it, or use a method without this need: {', '.join(modest)}"
-                ),
-            )
+            lack = f"{info.name} needs `{name}`, which these correspondences lack"
+            others = f"or use a method without this need: {', '.join(modest)}"
+            raise InputError("method", remedy=f"{lack}; give `Correspondences` with it, {others}")
     return Fields(**{name: getattr(correspondences, name) for name in (*info.fields, *info.optional_fields)})

@@ -27,7 +27,6 @@ from cgroup.types.point_cloud import as_cloud
 
 Nuisance: TypeAlias = Callable[[MatchingPair, float, np.random.Generator], MatchingPair]
 
-
 __all__ = ["LEAST_POINTS", "NUISANCES", "add_noise", "apply_nuisance", "decimate"]
 
 LEAST_POINTS = 100
@@ -61,16 +60,12 @@ def add_noise(cloud: AnyCloud, sigma: float, rng: np.random.Generator) -> PointC
 def decimate(
     cloud: AnyCloud, share: float, rng: np.random.Generator, *, method: Literal["random", "voxel"] = "random"
 ) -> PointCloud:
-    """Keep a fraction of the points.
+    """Keep a fraction of the points. Further parameters as for `add_noise`.
 
     Parameters
     ----------
-    cloud : PointCloud or (N,3) array_like of float
-        Not changed.
     share : float
         Of the points that are kept, greater than 0 and at most 1.
-    rng : numpy.random.Generator
-        Chooses the points; "voxel" makes no use of it.
     method : {"random", "voxel"}
         A random subset, in the cloud's order; or the means of the points in the cells of a grid whose cell
         size is chosen so that about this fraction is left.
@@ -95,7 +90,7 @@ def decimate(
 
 
 def apply_nuisance(name: str, pair: MatchingPair, level: float, rng: np.random.Generator) -> MatchingPair:
-    """Make a pair harder.
+    """Make a pair harder. `rng` is as for `add_noise`.
 
     Parameters
     ----------
@@ -109,22 +104,11 @@ def apply_nuisance(name: str, pair: MatchingPair, level: float, rng: np.random.G
         "voxel-density" the fraction of points kept; for "overlap" the fraction of the smaller cloud, within 4
         resolutions; for "occlusion" the hidden fraction of the source, and for "clutter" the fraction of
         the target's points that are not on the source, both within 2 resolutions.
-    rng : numpy.random.Generator
-        The only source of randomness.
 
     Returns
     -------
     MatchingPair
         With the same name and pose; facts that change are brought up to date.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cgroup.datasets import standin_pair
-    >>> from cgroup.nuisances import apply_nuisance
-    >>> pair = standin_pair(pixels=60)
-    >>> dict(apply_nuisance("noise", pair, 0.5, np.random.default_rng(0)).facts)
-    {'noise': 0.5}
     """
     word = as_word("name", name)
     nuisance: Nuisance | None = load_plugin("nuisance", word) if ":" in word else NUISANCES.get(word)
@@ -168,9 +152,8 @@ def _overlap(pair: MatchingPair, level: float, rng: np.random.Generator) -> Matc
         source=_keep(pair.source, source_height <= np.quantile(source_height, share)),
         target=_keep(pair.target, target_height >= np.quantile(target_height, 1 - share)),
     )
-    reached = overlap(
-        cut_pair.source.points, cut_pair.target.points, pair.T_target_source, tolerance=tolerance
-    )
+    clouds = cut_pair.source.points, cut_pair.target.points
+    reached = overlap(*clouds, pair.T_target_source, tolerance=tolerance)
     return replace(cut_pair, facts={**pair.facts, "overlap": reached})
 
 

@@ -45,10 +45,8 @@ def look_up_method(name: object) -> MethodInfo | None:
 
 
 def find_method(name: object, otherwise: str = "") -> MethodInfo:
-    """Return the facts about a method; raise `InputError` with a suggestion for an unknown one.
-
-    `otherwise` lists other accepted values, for the error: ", or give module:function".
-    """
+    """Return the facts about a method; raise `InputError` with a suggestion for an unknown one."""
+    # `otherwise` lists other accepted values, for the error: ", or give module:function".
     info = look_up_method(name)
     if info is None:
         similar = guess_word(_spell(name), _SPELLINGS) if isinstance(name, str) else None
@@ -58,9 +56,7 @@ def find_method(name: object, otherwise: str = "") -> MethodInfo:
 
 
 def label_of(method: str) -> str:
-    """Return the short name of a method, for tables and messages.
-
-    The method is named as for `group`.
+    """Return the short name of a method, which is named as for `group`.
 
     Returns
     -------
@@ -74,15 +70,12 @@ PRESETS: Mapping[str, Mapping[str, Mapping[str, Any]]] = {
     "paper": {},
     "literal": {"nnsr": {"max_ratio": 0.2}},
     "original": {
-        "si": {"global_rank": "local_score", "otsu": "covis"},
-        "st": {"conflict": "one_to_one"},
+        "si": {"global_rank": "local_score", "otsu": "covis"}, "st": {"conflict": "one_to_one"},
         "gtm": {"one_to_one": True, "dynamics": "infection_immunisation", "iterations": 10_000},
     },
     "pcl": {"gc": {"variant": "clique"}, "3dhv": {"variant": "pcl"}},
     "legacy_header": {
-        "ss": {"threshold": 0.5},
-        "si": {"min_distance_ratio": 0.8},
-        "cv": {"voters": 20},
+        "ss": {"threshold": 0.5}, "si": {"min_distance_ratio": 0.8}, "cv": {"voters": 20},
         "ransac": {"iterations": 5000},
     },
     "3dmatch": {
@@ -99,7 +92,7 @@ PRESETS: Mapping[str, Mapping[str, Mapping[str, Any]]] = {
         "teaser": {"tolerance": 0.3},
         "clipper": {"max_distance_difference": 0.6, "deviation": 0.3},
     },
-}
+}  # fmt: skip
 """Options of each method by where they come from: the paper's defaults, its formulas read to the letter,
 the options with which each method's own author differs, PCL's variants (3DHV's needs a ``bin_size`` as
 well), the evaluation group's later constants, and the constants in metres that were published for rooms

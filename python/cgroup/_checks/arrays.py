@@ -20,7 +20,6 @@ RealArray: TypeAlias = NDArray[np.float32] | NDArray[np.float64]
 BoolArray: TypeAlias = NDArray[np.bool_]
 IndexArray: TypeAlias = NDArray[np.int64]
 
-
 _DEEPEST = 5  # lists within lists, beyond which no shape is right anyway
 # Types of numbers that the compiled core reads without a conversion
 AS_THEY_ARE = (np.dtype(np.float32), np.dtype(np.float64))
@@ -60,11 +59,8 @@ def as_array(name: str, value: ArrayLike) -> NDArray[Any]:
     except (InputError, MemoryError):
         raise
     except Exception as error:  # whatever the object's own conversion raises
-        raise InputError(
-            name,
-            f"{type(value).__name__}, which is no array: {escape(cut(str(error)))}",
-            "give a numpy array of numbers",
-        ) from error
+        got = f"{type(value).__name__}, which is no array: {escape(cut(str(error)))}"
+        raise InputError(name, got, "give a numpy array of numbers") from error
 
 
 def _check_lists(name: str, value: object) -> None:
@@ -94,9 +90,8 @@ def as_reals(name: str, value: ArrayLike, remedy: str = "give an array of real n
         with np.errstate(over="ignore"):  # to infinity, which is refused or not as any other
             return np.require(array, kept, ["C_CONTIGUOUS", "ALIGNED"])
     except MemoryError as error:
-        raise OutOfMemoryError(
-            f"{name}: no memory for a copy of shape {_shape(array)}; give fewer points"
-        ) from error
+        message = f"{name}: no memory for a copy of shape {_shape(array)}; give fewer points"
+        raise OutOfMemoryError(message) from error
 
 
 def real_points(name: str, value: object) -> RealArray:
@@ -137,12 +132,8 @@ def real_frames(name: str, value: ArrayLike, rows: int) -> RealArray:
     if array.size == 0 and rows == 0:
         return array.reshape(0, 3, 3)
     if array.shape != (rows, 3, 3):
-        raise InputError(
-            name,
-            f"shape {_shape(array)}",
-            f"give ({rows},3,3): one frame per correspondence, its rows the x, y and z axes, NaN for no "
-            "frame",
-        )
+        form = "one frame per correspondence, its rows the x, y and z axes, NaN for no frame"
+        raise InputError(name, f"shape {_shape(array)}", f"give ({rows},3,3): {form}")
     return array
 
 
@@ -152,11 +143,8 @@ def real_candidates(name: str, value: ArrayLike, rows: int) -> RealArray:
     if array.size == 0 and rows == 0:
         return array.reshape(0, 0, 3)
     if array.ndim != 3 or array.shape[0] != rows or array.shape[2] != 3:
-        raise InputError(
-            name,
-            f"shape {_shape(array)}",
-            f"give ({rows},k,3): k target points for each correspondence, the likeliest first",
-        )
+        form = "k target points for each correspondence, the likeliest first"
+        raise InputError(name, f"shape {_shape(array)}", f"give ({rows},k,3): {form}")
     return array
 
 

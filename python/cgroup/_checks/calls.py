@@ -12,34 +12,19 @@ from cgroup.errors import InputError
 _Function = TypeVar("_Function", bound="Callable[..., Any]")
 
 _OTHER_WORDS = {
-    "distance_threshold": "tolerance",
-    "down_sampling_resolution": "voxel",
-    "downsampling_resolution": "voxel",
-    "inlier_threshold": "tolerance",
-    "k": "neighbors",
-    "knn": "neighbors",
-    "leaf_size": "voxel",
-    "max_correspondence_distance": "tolerance",
-    "max_iteration": "iterations",
-    "max_iterations": "iterations",
-    "max_nn": "neighbors",
-    "n_jobs": "threads",
-    "noise_bound": "tolerance",
-    "num_iterations": "iterations",
-    "num_neighbors": "neighbors",
-    "num_threads": "threads",
-    "random_state": "seed",
-    "resolution": "voxel",
-    "voxel_size": "voxel",
-}
+    "distance_threshold": "tolerance", "down_sampling_resolution": "voxel", "k": "neighbors",
+    "downsampling_resolution": "voxel", "inlier_threshold": "tolerance", "knn": "neighbors",
+    "leaf_size": "voxel", "max_correspondence_distance": "tolerance", "max_iteration": "iterations",
+    "max_iterations": "iterations", "max_nn": "neighbors", "n_jobs": "threads", "noise_bound": "tolerance",
+    "num_iterations": "iterations", "num_neighbors": "neighbors", "num_threads": "threads",
+    "random_state": "seed", "resolution": "voxel", "voxel_size": "voxel",
+}  # fmt: skip
 """Names of options elsewhere (Open3D, PCL, small_gicp, KISS-Matcher, TEASER++, scikit-learn), and ours."""
 
 
 def explain_wrong_calls(function: _Function, *, too_many: str = "") -> _Function:
-    """Raise `InputError` for an unknown option, and for options given by position.
-
-    Other errors of a call remain Python's `TypeError`. `too_many` is the remedy for too many arguments.
-    """
+    """Raise `InputError` for an unknown option, and for options given by position."""
+    # Other errors of a call remain Python's `TypeError`. `too_many` is the remedy for too many arguments.
 
     @wraps(function)
     def called(*given: Any, **named: Any) -> Any:  # noqa: ANN401 - as the function has it
@@ -85,10 +70,8 @@ def _explain(
 
 
 def unknown_option(called: str, name: str, known: Collection[str], own: Collection[str] = ()) -> InputError:
-    """Return the error for an option that is not among the known ones.
-
-    The function that was called may pass options on: `own` are those that it takes itself.
-    """
+    """Return the error for an option that is not among the known ones."""
+    # The function that was called may pass options on: `own` are those that it takes itself.
     meant = _guess_option(name, own)
     if meant:
         return InputError("option", remedy=f"there is no {name!r} (did you mean {meant!r}?)")
@@ -126,10 +109,8 @@ def load_plugin(what: str, reference: str) -> Any:  # noqa: ANN401 - whatever th
     try:
         module = importlib.import_module(module_name)
     except ImportError as error:
-        raise InputError(
-            f"{what}: can't import {module_name!r} for {reference!r} ({error}); "
-            "install it, or put its folder on PYTHONPATH"
-        ) from error
+        got = f"{what}: can't import {module_name!r} for {reference!r} ({error})"
+        raise InputError(f"{got}; install it, or put its folder on PYTHONPATH") from error
     if not attribute or not hasattr(module, attribute):
         raise InputError(what, remedy=f"module {module_name!r} has no {attribute!r}; write module:attribute")
     return getattr(module, attribute)

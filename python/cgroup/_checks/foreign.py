@@ -62,9 +62,8 @@ def as_host_array(name: str, value: Any) -> Any:  # noqa: ANN401 - whatever is p
         return np.from_dlpack(value) if only_dlpack else value
     device = str(getattr(value, "device", "cpu"))
     if "cpu" not in device.casefold():
-        raise InputError(
-            name, f"a {type(value).__name__} on {device}", "copy it to the computer's memory: .cpu()"
-        )
+        got = f"a {type(value).__name__} on {device}"
+        raise InputError(name, got, "copy it to the computer's memory: .cpu()")
     for step in ("detach", "resolve_conj", "resolve_neg"):
         value = getattr(value, step, lambda same=value: same)()
     # NumPy has no such numbers; single precision holds them all.
@@ -129,10 +128,8 @@ def _entry(table: Any, key: str) -> Any:  # noqa: ANN401
 
 
 def _read_homogeneous(_name: str, value: Any) -> CloudParts | None:  # noqa: ANN401
-    """small_gicp: a method that returns (n,4), the last column 1.
-
-    Its normals are not read: until they are estimated, they are uninitialized memory.
-    """
+    """small_gicp: a method that returns (n,4), the last column 1."""
+    # Its normals are not read: until they are estimated, they are uninitialized memory.
     if not (callable(getattr(value, "points", None)) and callable(getattr(value, "normals", None))):
         return None
     return CloudParts(np.asarray(value.points())[:, :3])
@@ -143,17 +140,12 @@ def _read_message(name: str, value: Any) -> CloudParts | None:  # noqa: ANN401
     if not all(hasattr(value, each) for each in ("fields", "point_step", "row_step", "is_bigendian", "data")):
         return None
     order = ">" if value.is_bigendian else "<"
-    places = {
-        str(field.name).casefold(): (order + _ROS_TYPES[field.datatype], field.offset)
-        for field in value.fields
-        if field.count <= 1
-    }
+    fields = [each for each in value.fields if each.count <= 1]
+    places = {str(each.name).casefold(): (order + _ROS_TYPES[each.datatype], each.offset) for each in fields}
     kinds, offsets = zip(*places.values(), strict=True)
-    record = np.dtype(
-        {"names": list(places), "formats": kinds, "offsets": offsets, "itemsize": value.point_step}
-    )
+    layout = {"names": list(places), "formats": kinds, "offsets": offsets, "itemsize": value.point_step}
     shape, strides = (value.height, value.width), (value.row_step, value.point_step)
-    points = np.ndarray(shape, record, memoryview(bytes(value.data)), strides=strides).reshape(-1)
+    points = np.ndarray(shape, np.dtype(layout), memoryview(bytes(value.data)), strides=strides).reshape(-1)
     return _parts_of_columns(name, places, points.__getitem__)
 
 

@@ -18,9 +18,8 @@ def escape(text: str) -> str:
     """Return a text with unprintable characters escaped, such as newlines and lone surrogates."""
     if text.isprintable():
         return text
-    return "".join(
-        letter if letter.isprintable() else letter.encode("unicode_escape").decode("ascii") for letter in text
-    )
+    parts = (one if one.isprintable() else one.encode("unicode_escape").decode("ascii") for one in text)
+    return "".join(parts)
 
 
 def cut(text: str) -> str:

@@ -124,9 +124,8 @@ def guess_word(value: object, choices: Collection[str], likeness: float = 0.6) -
 
     word = value[:_LONGEST_WORD].casefold() if isinstance(value, str) else ""
     folded = {choice.casefold(): choice for choice in choices}
-    return next(
-        (folded[near] for near in difflib.get_close_matches(word, folded, n=1, cutoff=likeness)), None
-    )
+    near = difflib.get_close_matches(word, folded, n=1, cutoff=likeness)
+    return folded[near[0]] if near else None
 
 
 def as_word(name: str, value: object) -> str:

@@ -31,21 +31,13 @@ def explain_matches(grouping: Grouping, rows: Iterable[int]) -> list[Explanation
 def _explain(facts: Facts, row: int) -> Explanation:
     grouping, verdict, agreeing = facts.grouping, judge(facts, row), facts.agreeing(row)
     return Explanation(
-        index=row,
-        kept=bool(grouping.mask[row]),
+        index=row, kept=bool(grouping.mask[row]), matches=len(grouping.mask), selected=grouping.size,
         method=None if facts.rule is None else facts.rule.method,
-        matches=len(grouping.mask),
-        selected=grouping.size,
-        score=None if grouping.scores is None else float(grouping.scores[row]),
-        rank=facts.rank(row),
-        threshold=verdict.threshold,
+        score=None if grouping.scores is None else float(grouping.scores[row]), rank=facts.rank(row),
         residual=None if facts.residuals is None else float(facts.residuals[row]),
-        tolerance=verdict.tolerance,
-        resolution=facts.resolution,
+        threshold=verdict.threshold, tolerance=verdict.tolerance, resolution=facts.resolution,
         agreeing=None if agreeing is None else int(np.count_nonzero(agreeing)),
         agreeing_in_group=None if agreeing is None else int(np.count_nonzero(agreeing & grouping.mask)),
         agreement="" if facts.points is None else facts.agreement_text,
-        reason=verdict.reason,
-        remedy=verdict.remedy,
-        _tells_residual=verdict.tells_residual,
-    )
+        reason=verdict.reason, remedy=verdict.remedy, _tells_residual=verdict.tells_residual,
+    )  # fmt: skip

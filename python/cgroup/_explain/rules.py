@@ -304,9 +304,8 @@ def _by_vote(facts: Facts, rule: Rule, i: int) -> Verdict:
     own, most = (int(np.count_nonzero((votes == place).all(axis=1))) for place in (votes[i], np.zeros(3)))
     where = f"in a bin {_steps(votes[i])} away from the fullest" if votes[i].any() else "in the fullest bin"
     count = f"its bin has {own} of the votes, the fullest {most}"
-    reach = {0: "", 6: " and the six that share a side with it", 26: " and the 26 around it"}[
-        int(_bound(rule))
-    ]
+    reaches = {0: "", 6: " and the six that share a side with it", 26: " and the 26 around it"}
+    reach = reaches[int(_bound(rule))]
     reason = f"it votes for a place of the source's centroid {where}: {count}"
     return Verdict(reason, "" if mask[i] else f"with a vote in the fullest bin{reach}")
 
@@ -330,16 +329,8 @@ def _beside_the_maximum(facts: Facts, rule: Rule, votes: FloatArray, i: int) -> 
 
 
 _WORDINGS: dict[str, Callable[[Facts, Rule, int], Verdict]] = {
-    "score": _by_score,
-    "ratio": _by_ratio,
-    "residual": _by_residual,
-    "axes in clique": _by_each_axis,
-    "axes in core": _by_each_axis,
-    "conflict": _by_conflict,
-    "recomputed conflict": _by_conflict,
-    "star": _by_star,
-    "grown set": _by_grown_set,
-    "greatest": _by_largest,
-    "fullest bin": _by_vote,
+    "score": _by_score, "ratio": _by_ratio, "residual": _by_residual, "axes in clique": _by_each_axis,
+    "axes in core": _by_each_axis, "conflict": _by_conflict, "recomputed conflict": _by_conflict,
+    "star": _by_star, "grown set": _by_grown_set, "greatest": _by_largest, "fullest bin": _by_vote,
     "maximum": _by_vote,
-}
+}  # fmt: skip

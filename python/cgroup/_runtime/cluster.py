@@ -24,10 +24,8 @@ class WorkersDiedError(Exception):
 
 @contextmanager
 def reach_cluster(scheduler: object, threads: int = 1) -> Generator[Any, None, None]:
-    """Return the client of a cluster: the given one, or a new one for the scheduler's address.
-
-    `LOCAL` starts one in this process, with this number of threads. A given client stays open.
-    """
+    """Return the client of a cluster: the given one, or a new one for the scheduler's address."""
+    # `LOCAL` starts one in this process, with this number of threads. A given client stays open.
     try:
         from distributed import Client  # noqa: PLC0415 - optional
         from distributed.comm.addressing import get_address_host_port  # noqa: PLC0415
@@ -61,15 +59,10 @@ def _local_cluster(threads: int) -> Generator[Any, None, None]:
 
     nowhere = "127.0.0.1:0"  # Dask opens ports for HTTP even without a dashboard
     cluster: Any = LocalCluster(
-        n_workers=1,
-        threads_per_worker=threads,
-        processes=False,
-        memory_limit=0,
-        dashboard_address=nowhere,
-        worker_dashboard_address=nowhere,
-        scheduler_kwargs={"dashboard": False},
+        n_workers=1, threads_per_worker=threads, processes=False, memory_limit=0, dashboard_address=nowhere,
+        worker_dashboard_address=nowhere, scheduler_kwargs={"dashboard": False},
         silence_logs=logging.CRITICAL,
-    )
+    )  # fmt: skip
 
     async def close_ports() -> None:
         for node in (cluster.scheduler, *cluster.workers.values()):
@@ -86,11 +79,9 @@ def work_on_cluster(
     tasks: Iterable[_Task],
     if_lost: str,
 ) -> Generator[tuple[_Task, Any], None, None]:
-    """Submit tasks as workers become free; yield each finished task with its result.
-
-    `submit` gives a task to the client and returns the future. A task that has ended several workers has a
-    `WorkersDiedError` as its result. Running and failed tasks are cancelled at the end.
-    """
+    """Submit tasks as workers become free; yield each finished task with its result."""
+    # `submit` gives a task to the client and returns the future. A task that has ended several workers has a
+    # `WorkersDiedError` as its result. Running and failed tasks are cancelled at the end.
     from distributed import KilledWorker, as_completed  # noqa: PLC0415 - optional
 
     waiting = iter(tasks)

@@ -49,10 +49,8 @@ def raise_when_interrupted() -> None:
 
 
 def once_loaded(handle: Callable[[int, FrameType | None], None]) -> Handler:
-    """Delay a handler that raises until no compiled module is being loaded.
-
-    One that is cut short may turn the interrupt into an `ImportError`, and abort the process at its end.
-    """
+    """Delay a handler that raises until no compiled module is being loaded."""
+    # One that is cut short may turn the interrupt into an `ImportError`, and abort the process at its end.
 
     def handle_once_loaded(number: int, frame: FrameType | None) -> None:
         if _loads_compiled_module(frame):

@@ -34,10 +34,9 @@ def reserve_linear_algebra() -> None:
     try:
         mmap.mmap(-1, _LINEAR_ALGEBRA).close()
     except (OSError, MemoryError) as error:
-        raise OutOfMemoryError(
-            f"no memory for NumPy's linear algebra, which takes up to {_LINEAR_ALGEBRA >> 20} MiB of address "
-            "space; allow the process more memory"
-        ) from error
+        size = f"up to {_LINEAR_ALGEBRA >> 20} MiB of address space"
+        message = f"no memory for NumPy's linear algebra, which takes {size}; allow the process more memory"
+        raise OutOfMemoryError(message) from error
     _ = np.eye(128) @ np.eye(128)  # too large for the kernels of AVX-512 that do without
 
 
@@ -50,9 +49,8 @@ def report_refused_memory() -> Generator[None, None, None]:
         raise
     except MemoryError as error:
         reason = str(error) or "the system gives no reason"
-        raise OutOfMemoryError(
-            f"no memory ({reason}); give fewer points or fewer threads, or allow the process more memory"
-        ) from error
+        remedy = "give fewer points or fewer threads, or allow the process more memory"
+        raise OutOfMemoryError(f"no memory ({reason}); {remedy}") from error
 
 
 def max_memory_for(correspondences: int) -> int:

@@ -28,10 +28,8 @@ def is_empty(connection: sqlite3.Connection) -> bool:
 
 
 def open_or_make(path: Path, layout: Layout, foreign: Exception) -> sqlite3.Connection:
-    """Open a file for writing; for a file of another program, raise `foreign` and leave it unchanged.
-
-    Any thread may use the connection, one at a time.
-    """
+    """Open a file for writing; for a file of another program, raise `foreign` and leave it unchanged."""
+    # Any thread may use the connection, one at a time.
     connection = sqlite3.connect(
         path, isolation_level=None, timeout=_SECONDS_OF_OTHERS, check_same_thread=False
     )

@@ -26,7 +26,6 @@ else:
 
 __all__ = ["cached_property"]
 
-
 _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
 
@@ -39,11 +38,9 @@ def count_workers(threads: int | None) -> int:
 def work_side_by_side(
     items: Iterable[_Item], work: Callable[[_Item, Callable[[], None]], _Result], workers: int
 ) -> list[_Result]:
-    """Process all items in parallel, and return the results in order; the first error ends the others.
-
-    `work` takes an item, and a function to be called every now and then: it raises `InterruptedError` once
-    another item has failed, or the user has interrupted.
-    """
+    """Process all items in parallel, and return the results in order; the first error ends the others."""
+    # `work` takes an item, and a function to be called every now and then: it raises `InterruptedError` once
+    # another item has failed, or the user has interrupted.
     stopped = threading.Event()
 
     def stop_with_the_others() -> None:
@@ -55,10 +52,9 @@ def work_side_by_side(
         try:
             results = pool.map(lambda item: work(item, stop_with_the_others), items)
         except RuntimeError as error:  # of the pool, which starts its threads here
-            raise OutOfMemoryError(
-                f"the system does not start {workers} threads ({error}); give fewer threads, or allow the "
-                "process more threads or more memory"
-            ) from error
+            remedy = "give fewer threads, or allow the process more threads or more memory"
+            message = f"the system does not start {workers} threads ({error}); {remedy}"
+            raise OutOfMemoryError(message) from error
         return list(results)
     finally:
         stopped.set()

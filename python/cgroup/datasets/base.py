@@ -70,16 +70,12 @@ class MatchingPair:
 class CorrespondencePair:
     """Precomputed matches, and the true pose, which determines the correct matches.
 
-    Attributes
+    Name, pose and facts are as for `MatchingPair`.
+
+    Parameters
     ----------
-    name : str
-        Short, unique within its data set.
     correspondences : Correspondences
         With the resolution set, so that the usual threshold of 5 pr is the inlier distance its makers use.
-    T_target_source : (4,4) array of float64
-        True pose: maps source points into the target's frame.
-    facts : mapping of str to float
-        Known facts about the pair.
     """
 
     name: str
@@ -90,15 +86,7 @@ class CorrespondencePair:
 
 @dataclass(frozen=True, eq=False)
 class UnrelatedPair:
-    """Two clouds that no rigid motion aligns.
-
-    Attributes
-    ----------
-    source, target : PointCloud
-        In the same unit, each in its own frame.
-    source_viewpoint, target_viewpoint : (float, float, float)
-        Positions of the scanners, in their clouds' frames.
-    """
+    """Two clouds that no rigid motion aligns; fields are as for `MatchingPair`."""
 
     source: PointCloud
     target: PointCloud
@@ -204,17 +192,14 @@ class Dataset(ABC):
         lacking = self.lacking_pairs()
         if not lacking:
             return ""
-        named = [
-            f"{name} (no {'/'.join(path.parts[-2:])})" for name, path in itertools.islice(lacking.items(), 3)
-        ]
+        few = itertools.islice(lacking.items(), 3)
+        named = [f"{name} (no {'/'.join(path.parts[-2:])})" for name, path in few]
         more = ", ..." if len(lacking) > len(named) else ""
         wanted = len(lacking) + len(self.pair_names())
         return f"{len(lacking)} of {wanted} pairs lack files: {', '.join(named)}{more}"
 
     def origin_of(self, name: str) -> Origin:
-        """Return the origin of the clouds of one pair.
-
-        The name is as for `load`.
+        """Return the origin of the clouds of one pair, named as for `load`.
 
         Returns
         -------
@@ -225,9 +210,7 @@ class Dataset(ABC):
         return self.origin
 
     def protocols_of(self, name: str) -> tuple[str, ...]:
-        """Return the registration protocols that apply to one pair.
-
-        The name is as for `load`.
+        """Return the registration protocols for one pair, named as for `load`.
 
         Returns
         -------
@@ -238,24 +221,18 @@ class Dataset(ABC):
         return self.protocols
 
     def subject_of(self, name: str) -> str:
-        """Return the subject of a pair, which identifies the object or place.
-
-        The name is as for `load`.
+        """Return the object or place that a pair shows; it is named as for `load`.
 
         Returns
         -------
         str
-            The pair's name with `own_subjects`; else the data set's, unless a subclass overrides it: all
-            pairs may show the same thing.
+            The pair's name with `own_subjects`; else the data set's, unless a subclass overrides it.
         """
         self.check_name(name)
         return name if self.own_subjects else self.name
 
     def check_name(self, name: str) -> None:
-        """Raise for the name of a pair that does not exist.
-
-        The name is as for `load`.
-        """
+        """Raise for a pair that does not exist; it is named as for `load`."""
         names = self.pair_names()
         if name in self.lacking_pairs():
             message = f"{self.name}: the pair {name!r} needs {self.lacking_pairs()[name]}, which isn't there"
@@ -278,9 +255,7 @@ def mixed_names(dataset: Dataset) -> list[tuple[str, str]]:
         Names of the pairs that give the source and the target, always in the same order.
     """
     subjects = {name: dataset.subject_of(name) for name in dataset.pair_names()}
-    return [
-        (first, second) for first in subjects for second in subjects if subjects[first] != subjects[second]
-    ]
+    return [pair for pair in itertools.product(subjects, repeat=2) if subjects[pair[0]] != subjects[pair[1]]]
 
 
 def mix(first: MatchingPair, second: MatchingPair) -> UnrelatedPair:
@@ -302,17 +277,12 @@ def mix(first: MatchingPair, second: MatchingPair) -> UnrelatedPair:
 def mirror(pair: MatchingPair) -> UnrelatedPair:
     """Reflect the target and its viewpoint at the plane x = 0.
 
-    Unless the shape is mirror-symmetric, no pose fits then. Faces and normals are dropped.
-
-    Parameters
-    ----------
-    pair : MatchingPair
-        Of two clouds that overlap.
+    Unless the shape is mirror-symmetric, no pose fits then. `pair` is as for `apply_nuisance`.
 
     Returns
     -------
     UnrelatedPair
-        The unchanged source, and the mirrored target.
+        The unchanged source, and the mirrored target without faces and normals.
     """
     x, y, z = pair.target_viewpoint
     target = PointCloud(pair.target.points * np.array([-1.0, 1.0, 1.0]))
@@ -340,14 +310,9 @@ def measure_overlap(source: PointCloud, target: PointCloud, T_target_source: Flo
 
 def measure_clutter(model: PointCloud, scene: PointCloud, T_scene_model: FloatArray) -> dict[str, float]:
     """Return clutter and occlusion of a model in a scene, two meshes, within 2 pr."""
-    clutter, occlusion = clutter_and_occlusion(
-        model.points,
-        faces_of(model),
-        scene.points,
-        faces_of(scene),
-        T_scene_model,
-        tolerance=VISIBLE_WITHIN * mean_resolution(model, scene),
-    )
+    meshes = model.points, faces_of(model), scene.points, faces_of(scene)
+    near = VISIBLE_WITHIN * mean_resolution(model, scene)
+    clutter, occlusion = clutter_and_occlusion(*meshes, T_scene_model, tolerance=near)
     return {"clutter": clutter, "occlusion": occlusion}
 
 
@@ -381,9 +346,7 @@ def fitting_pose(
     shares = [float(within(apply(T, sample), target.points, near).mean()) for T in candidates]
     best = int(np.argmax(shares))
     if shares[best] < MIN_FITTING:
-        raise InputError(
-            f"{origin}: neither the pose nor its inverse aligns the source with the target (only "
-            f"{shares[0]:.1%} and {shares[1]:.1%} of the points come near it); is it the pose of another "
-            "pair, or unit?"
-        )
+        shown = f"only {shares[0]:.1%} and {shares[1]:.1%} of the points come near it"
+        problem = f"neither the pose nor its inverse aligns the source with the target ({shown})"
+        raise InputError(f"{origin}: {problem}; is it the pose of another pair, or unit?")
     return candidates[best]

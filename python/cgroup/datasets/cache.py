@@ -32,11 +32,9 @@ def cache_folder() -> Path:
 
 
 def cached(kind: str, key: Iterable[str | bytes], make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
-    """Return arrays from the cache, or compute and cache them; the key contains all their inputs.
-
-    A cache that can't be read or written is no error: the arrays are then made each time. A damaged file is
-    removed and made again.
-    """
+    """Return arrays from the cache, or compute and cache them; the key contains all their inputs."""
+    # A cache that can't be read or written is no error: the arrays are then made each time. A damaged file is
+    # removed and made again.
     name = _digest(key)
     path = cache_folder() / kind / f"{name}.npz"
     with suppress(InputError):

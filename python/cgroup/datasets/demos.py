@@ -19,6 +19,8 @@ from cgroup.io.transforms import read_log
 from cgroup.types import Correspondences, FloatArray, IndexArray, PointCloud
 
 TCF_URL = "https://github.com/ShiPC-AI/TCF"
+_TURBOREG_URL = "https://github.com/Laka-3DV/TurboReg"
+_MAC_URL = "https://github.com/zhangxy0517/3D-Registration-with-Maximal-Cliques"
 
 _INLIER = {"3DMatch": 0.1, "KITTI": 0.6, "ETH": 0.3}  # m, inlier distances that are usual on these data
 
@@ -62,10 +64,7 @@ class CorrespondenceFiles(FileDataset[_Matches]):
         "Yan et al.: TurboReg, ICCV 2025; Geiger et al.: KITTI, CVPR 2012; Zeng et al.: 3DMatch, CVPR 2017"
     )
     folder, example = "corr", "<pair>/corr.txt"
-    url = (
-        "the demo data of https://github.com/zhangxy0517/3D-Registration-with-Maximal-Cliques, "
-        "https://github.com/danini/superansac or https://github.com/Laka-3DV/TurboReg"
-    )
+    url = f"the demo data of {_MAC_URL}, https://github.com/danini/superansac or {_TURBOREG_URL}"
 
     def protocols_of(self, name: str) -> tuple[str, ...]:
         """Return the criteria of the benchmark that the matches come from."""
@@ -139,10 +138,7 @@ class LidarScans(FileDataset[_Scans]):
         "Koide: small_gicp, JOSS 2024"
     )
     folder, example = "lidar", "lidar/<name>_source.ply"
-    url = (
-        "the demo data of https://github.com/Laka-3DV/TurboReg, https://github.com/koide3/small_gicp or "
-        f"{TCF_URL}"
-    )
+    url = f"the demo data of {_TURBOREG_URL}, https://github.com/koide3/small_gicp or {TCF_URL}"
 
     def load(self, name: str) -> MatchingPair:
         """Read two scans, and compute their overlap."""
@@ -175,9 +171,8 @@ class LidarScans(FileDataset[_Scans]):
             if any(found):
                 usual = [path.with_name(f"{stem}_cloud.pcd") for stem in stems]
                 source, target = ((there or [other])[0] for there, other in zip(found, usual, strict=True))
-                pairs[path.with_suffix("").relative_to(self._folder).as_posix()] = _Scans(
-                    source, target, path
-                )
+                name = path.with_suffix("").relative_to(self._folder).as_posix()
+                pairs[name] = _Scans(source, target, path)
         return pairs
 
 
@@ -224,13 +219,9 @@ class FGR(_FGRPairs):
         if len(rows) and (rows.max() >= len(source) or partners.max() >= len(target)):
             message = f"{folder}: the features belong to other clouds; there are fewer points than features"
             raise InputError(message)
-        matches = Correspondences(
-            source.points[rows],
-            target.points[partners],
-            ratio=ratio,
-            resolution=mean_resolution(source, target),
-            source_centroid=source.points.mean(axis=0),
-        )
+        unit, center = mean_resolution(source, target), source.points.mean(axis=0)
+        points = source.points[rows], target.points[partners]
+        matches = Correspondences(*points, ratio=ratio, resolution=unit, source_centroid=center)
         return CorrespondencePair(name, matches, pose)
 
 

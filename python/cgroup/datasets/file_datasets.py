@@ -98,10 +98,10 @@ def data_root(given: Path | str | None = None) -> Path:
     """
     value = given if given is not None else os.environ.get("CGROUP_DATA")
     if not value:
-        raise InputError(
-            "no folder with data: give one, or set CGROUP_DATA to it; docs/datasets.md lists the contents "
-            "and the sources. The data sets named standin-... need none"
+        more = (
+            "docs/datasets.md lists the contents and the sources. The data sets named standin-... need none"
         )
+        raise InputError(f"no folder with data: give one, or set CGROUP_DATA to it; {more}")
     root = Path(value)
     if not root.is_dir():
         source = "" if given is not None else " (from CGROUP_DATA)"

@@ -1,7 +1,4 @@
-"""Random matches: problems with one difficulty each, and a data set of them.
-
-`SCENES` change the wrong matches of a problem. The name of a pair of the data set holds its parameters.
-"""
+"""Random matches: problems with one difficulty each, and a data set of them."""
 
 from __future__ import annotations
 
@@ -41,12 +38,10 @@ FRAMES = {
 def make_scene(
     rng: np.random.Generator, n: int, *, inliers: float, noise: float, scene: str, frames: str
 ) -> MatchingProblem:
-    """Draw a matching problem with one difficulty.
+    """Draw a matching problem with one difficulty. `rng` is as for `make_problem`.
 
     Parameters
     ----------
-    rng : numpy.random.Generator
-        The only source of randomness.
     n : int
         Number of matches; up to two more in ``one-to-three``.
     inliers, noise : float
@@ -78,10 +73,8 @@ def make_scene(
 
 
 def _planes(rng: np.random.Generator, problem: MatchingProblem) -> MatchingProblem:
-    """Move all points to a floor and two walls, where many wrong matches agree by chance.
-
-    Correct matches keep their noise.
-    """
+    """Move all points to a floor and two walls, where many wrong matches agree by chance."""
+    # Correct matches keep their noise.
     scale, right = problem.resolution, problem.inlier_mask
     source = _on_walls(rng, len(problem)) * scale
     noise = problem.target - apply(problem.T_target_source, problem.source)
@@ -95,11 +88,9 @@ def _planes(rng: np.random.Generator, problem: MatchingProblem) -> MatchingProbl
 
 
 def _one_to_three(rng: np.random.Generator, problem: MatchingProblem) -> MatchingProblem:
-    """Assign three consecutive matches to every source point, at most one of them correct.
-
-    Two thirds of the matches are new ones, so that their share of right ones falls to a third; a problem of
-    as many matches as before is returned, or one or two more.
-    """
+    """Assign three consecutive matches to every source point, at most one of them correct."""
+    # Two thirds of the matches are new ones, so that their share of right ones falls to a third; a problem of
+    # as many matches as before is returned, or one or two more.
     kept = rng.permutation(len(problem))[: -(-len(problem) // _CANDIDATES)]
     groups = np.repeat(kept, _CANDIDATES)
     # The first of each three stays; the partners of the others are those of other matches.
@@ -132,10 +123,8 @@ SCENES: dict[str, Callable[[np.random.Generator, MatchingProblem], MatchingProbl
 def _rival(
     rng: np.random.Generator, problem: MatchingProblem, flip: tuple[float, float, float]
 ) -> MatchingProblem:
-    """Move wrong matches by another motion, `_RIVALS` per correct match, next to the true image.
-
-    Mirrored ones keep all distances, but no rigid motion explains them.
-    """
+    """Move wrong matches by another motion, `_RIVALS` per correct match, next to the true image."""
+    # Mirrored ones keep all distances, but no rigid motion explains them.
     rotation = random_rotations(rng, 1)[0]
     moved = (problem.source * np.array(flip)) @ rotation.T
     wrong = np.flatnonzero(~problem.inlier_mask)
@@ -221,9 +210,8 @@ def read_recipe(name: str) -> Recipe:
     """Parse the name of a pair; raise `InputError` for another form."""
     found = _NAME.fullmatch(name)
     if found is None or found["scene"] not in SCENES or found["frames"] not in FRAMES:
-        raise InputError(
-            f"{GeneratedMatches.name}: has no pair {name!r}; names are like {Recipe().name!r}, with a scene "
-            f"of {', '.join(SCENES)} and frames {', '.join(FRAMES)}"
-        )
+        known = f"with a scene of {', '.join(SCENES)} and frames {', '.join(FRAMES)}"
+        message = f"{GeneratedMatches.name}: has no pair {name!r}; names are like {Recipe().name!r}, {known}"
+        raise InputError(message)
     scene, n, inliers, noise, frames, number = found.groups()
     return Recipe(scene, int(n), float(inliers), float(noise), frames, int(number))

@@ -92,10 +92,8 @@ class KITTI(FileDataset[_Entry]):
 
 
 def pair_scans(places: FloatArray) -> list[tuple[int, int]]:
-    """Pair each source with the last scan before the distance exceeds `DISTANCE`, as 3DFeatNet and FCGF.
-
-    `places` (m,3) are the positions of the scanner; the next pair begins after the target.
-    """
+    """Pair each source with the last scan before the distance exceeds `DISTANCE`, as 3DFeatNet and FCGF."""
+    # `places` (m,3) are the positions of the scanner; the next pair begins after the target.
     pairs: list[tuple[int, int]] = []
     source = 0
     while source < len(places):

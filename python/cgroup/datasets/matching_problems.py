@@ -31,18 +31,10 @@ _FEW_INLIERS = 0.1  # share below which the ratios of inliers are nearly those o
 class MatchingProblem:
     """Matches between two sides, and the mask of the correct ones.
 
-    Attributes
+    Further fields as for `Correspondences`; the similarity is -inf, and frames are NaN, for missing ones.
+
+    Parameters
     ----------
-    source, target : (n,3) ndarray of float64
-        Matched points.
-    ratio, similarity : (n,) ndarray of float64
-        Of the descriptors: nearest over second nearest distance, 0 to 1; and -inf for missing ones.
-    source_lrf, target_lrf : (n,3,3) ndarray of float64
-        Local reference frames, rows are axes; NaN for missing ones.
-    resolution : float
-        Length of one pr, in the unit of the points.
-    source_centroid : (3,) ndarray of float64
-        Centre of the source's surface.
     inlier_mask : (n,) ndarray of bool
         Whether the true pose maps the source point to within `CORRECT_WITHIN` of its partner.
     T_target_source : (4,4) ndarray of float64
@@ -215,17 +207,9 @@ def make_problem(
     transform[:3, 3] = scale * (translation + far_target - rotation @ far_source)
     source, target = scale * (source + far_source), scale * (target + far_target)
     problem = MatchingProblem(
-        source=source,
-        target=target,
-        ratio=ratio,
-        similarity=similarity,
-        source_lrf=source_lrf,
-        target_lrf=target_lrf,
-        resolution=scale,
-        source_centroid=scale * far_source,
-        inlier_mask=is_inlier,
-        T_target_source=transform,
-    )
+        source, target, ratio, similarity, source_lrf, target_lrf, resolution=scale,
+        source_centroid=scale * far_source, inlier_mask=is_inlier, T_target_source=transform,
+    )  # fmt: skip
     return judged(problem)
 
 

@@ -42,15 +42,12 @@ class ScanSet:
 
 def pool_sets(sets: Iterable[ScanSet], rng: np.random.Generator) -> ScanSet:
     """Shuffle the scans of several sets, each in a random frame about its scanner or its centroid."""
-    parts = list(sets)
     pool = [
         (*each, part.at_scanner)
-        for part in parts
+        for part in sets
         for each in zip(part.scans, part.truth, part.labels, strict=True)
     ]
-    scans: list[FloatArray] = []
-    truth: list[FloatArray] = []
-    labels: list[str] = []
+    moved: list[tuple[FloatArray, FloatArray, str]] = []
     for row in rng.permutation(len(pool)):
         points, pose, label, at_scanner = pool[row]
         frame = np.eye(4)
@@ -58,10 +55,9 @@ def pool_sets(sets: Iterable[ScanSet], rng: np.random.Generator) -> ScanSet:
         if not at_scanner:
             spread = points.std(axis=0).max()
             frame[:3, 3] = spread * rng.normal(size=3) - frame[:3, :3] @ points.mean(axis=0)
-        scans.append(apply(frame, points))
-        truth.append(pose @ invert(frame))
-        labels.append(label)
-    return ScanSet(scans, np.array(truth), labels)
+        moved.append((apply(frame, points), pose @ invert(frame), label))
+    truth = np.array([pose for _, pose, _ in moved])
+    return ScanSet([points for points, _, _ in moved], truth, [label for *_, label in moved])
 
 
 def make_views(seed: int) -> ScanSet:
@@ -114,9 +110,8 @@ def read_fragments(folder: Path) -> ScanSet:
         for row, cloud in ((target, pair.target), (source, pair.source)):
             scans[row] = np.asarray(cloud.points, dtype=np.float64)
     rows = sorted(poses)
-    return ScanSet(
-        [scans[row] for row in rows], np.array([poses[row] for row in rows]), [folder.name] * len(rows)
-    )
+    truth = np.array([poses[row] for row in rows])
+    return ScanSet([scans[row] for row in rows], truth, [folder.name] * len(rows))
 
 
 def load_scan_set(names: Iterable[str], root: Path | None, seed: int, *, mirrored: bool = False) -> ScanSet:
@@ -135,11 +130,8 @@ def find_scan_set(name: str, root: Path | None) -> Callable[[], ScanSet]:
             raise InputError("stone", repr(seed), "give its seed, a whole number, as in stone:0")
         return partial(make_views, int(seed))
     folder = data_root(root) / name
-    for pattern, read in (
-        ("set.json", read_folder),
-        ("cloud_bin_*", read_fragments),
-        ("*.conf", read_stanford),
-    ):
+    readers = {"set.json": read_folder, "cloud_bin_*": read_fragments, "*.conf": read_stanford}
+    for pattern, read in readers.items():
         if any(folder.glob(pattern)):
             return partial(read, folder)
     raise InputError(f"{folder}: no scans with poses: no set.json, no .conf file, no cloud_bin_* of 3DMatch")

@@ -58,9 +58,8 @@ class ThreeDMatch(FileDataset[_Entry]):
         for path in sorted(self._folder.rglob("cloud_bin_*")):
             self._files.setdefault((path.parent.name, path.name), path)
         entries = self._from_logs() or self._from_manifest()
-        return {
-            name: entries[name] for name in sorted(entries, key=_order) if name.startswith(self.benchmark)
-        }
+        names = sorted((name for name in entries if name.startswith(self.benchmark)), key=_order)
+        return {name: entries[name] for name in names}
 
     def _needed(self, entry: _Entry) -> list[tuple[Path, ...]]:
         return [self._places(entry.scene, number) for number in (entry.source, entry.target)]

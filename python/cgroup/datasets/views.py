@@ -1,11 +1,7 @@
-"""Range views of single objects, from Stanford's repository and UWA 3D Modeling.
-
-Stanford's take the place of UWA 3D Modeling's, whose poses are not published.
-"""
+"""Range views of single objects, from Stanford's repository and UWA 3D Modeling."""
 
 import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -28,8 +24,7 @@ MIN_OVERLAP = 0.1  # pairs of Stanford's views that share less than this are lef
 SCANNER: Viewpoint = (0.0, 0.0, 10.0)
 
 
-@dataclass(frozen=True, eq=False)
-class _View:
+class _View(NamedTuple):
     path: Path
     T_world_view: FloatArray
 
@@ -63,9 +58,8 @@ class StanfordViews(FileDataset[_ViewNames]):
         """Return a sentence about missing pairs, or missing views of Stanford's lists."""
         if self._are_listed or not self._absent:
             return super().note()
-        return (
-            f"pairs of views that aren't there are left out ({len(self._absent)}, such as {self._absent[0]})"
-        )
+        example = f"{len(self._absent)}, such as {self._absent[0]}"
+        return f"pairs of views that aren't there are left out ({example})"
 
     def subject_of(self, name: str) -> str:
         """Return the object's folder."""
@@ -75,9 +69,8 @@ class StanfordViews(FileDataset[_ViewNames]):
         """Read two views and compute their overlap."""
         entry = self._entry(name)
         first, second = (self._objects[entry.home][stem] for stem in (entry.source, entry.target))
-        return view_pair(
-            name, read_cloud(first.path), read_cloud(second.path), _between(first, second), SCANNER
-        )
+        clouds = read_cloud(first.path), read_cloud(second.path)
+        return view_pair(name, *clouds, _between(first, second), SCANNER)
 
     def _list_pairs(self) -> dict[str, _ViewNames]:
         self._objects: dict[str, dict[str, _View]] = {}
@@ -141,7 +134,7 @@ def _read_configuration(path: Path) -> tuple[dict[str, _View], list[str]]:
 def read_views(folder: Path) -> list[tuple[Path, FloatArray]]:
     """Read the files of an object's views, and the poses that map them into its frame."""
     found = (_read_configuration(path)[0] for path in sorted(folder.glob("*.conf")))
-    return [(view.path, view.T_world_view) for views in found for view in views.values()]
+    return [(path, pose) for views in found for path, pose in views.values()]
 
 
 def _between(source: _View, target: _View) -> FloatArray:

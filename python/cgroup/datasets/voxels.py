@@ -13,9 +13,8 @@ def voxel_means(points: FloatArray, size: float) -> FloatArray:
     width = max(size, above.max() / _MOST_CELLS)
     cells = np.floor(above / width).astype(np.int64)
     extent = cells.max(axis=0) + 1
-    _, rows = np.unique(
-        (cells[:, 0] * extent[1] + cells[:, 1]) * extent[2] + cells[:, 2], return_inverse=True
-    )
+    numbers = (cells[:, 0] * extent[1] + cells[:, 1]) * extent[2] + cells[:, 2]
+    _, rows = np.unique(numbers, return_inverse=True)
     counts = np.bincount(rows)
     return np.stack([np.bincount(rows, weights=points[:, axis]) / counts for axis in range(3)], axis=1)
 

@@ -109,12 +109,10 @@ def overlap(source: AnyCloud, target: AnyCloud, T_target_source: ArrayLike, *, t
 def alignment_error(
     source: AnyCloud, target: AnyCloud, estimated: ArrayLike, true: ArrayLike, *, tolerance: float
 ) -> float:
-    """Return the mean displacement of the source points in the overlap.
+    """Return the mean displacement in the overlap; clouds are as for `overlap`.
 
     Parameters
     ----------
-    source, target : (N,3) and (M,3) array_like of float
-        Whole clouds.
     estimated, true : (4,4) array_like of float
         Poses of the source in the target's frame.
     tolerance : float
@@ -123,7 +121,7 @@ def alignment_error(
     Returns
     -------
     float
-        Mean distance in the data's unit; NaN without overlap.
+        Mean distance of the source points in the data's unit; NaN without overlap.
 
     Examples
     --------
@@ -135,18 +133,15 @@ def alignment_error(
     0.25
     """
     points, limit = finite_points("source", source), as_length("tolerance", tolerance)
-    expected, reached = (
-        apply(check_rigid(pose, name), points) for name, pose in (("true", true), ("estimated", estimated))
-    )
+    expected = apply(check_rigid(true, "true"), points)
+    reached = apply(check_rigid(estimated, "estimated"), points)
     counted = within(expected, finite_points("target", target), limit)
     return _mean_length(reached[counted] - expected[counted])
 
 
 def mean_displacement(points: AnyCloud, estimated: ArrayLike, true: ArrayLike) -> float:
-    """Return the mean distance of points under an estimated pose from their true places; NaN without points.
-
-    Unlike the translation error it is independent of the origin.
-    """
+    """Return the mean distance of points under a pose from their true places; NaN without points."""
+    # Unlike the translation error it is independent of the origin.
     array = as_points("points", points)
     if len(array) == 0:
         return float("nan")

@@ -38,13 +38,8 @@ def score_counts(
     if len(set(shapes)) > 1:
         raise InputError(", ".join(names), f"shapes {', '.join(map(str, shapes))}", "give all of one shape")
     precision, recall = divide(hits, chosen), divide(hits, right)
-    return Scores(
-        inlier_ratio=divide(right, every),
-        precision=precision,
-        recall=recall,
-        f_score=harmonic_mean(precision, recall),
-        registered=precision > REGISTERED_PRECISION,
-    )
+    f_score, registered = harmonic_mean(precision, recall), precision > REGISTERED_PRECISION
+    return Scores(divide(right, every), precision, recall, f_score, registered)
 
 
 @dataclass(frozen=True)

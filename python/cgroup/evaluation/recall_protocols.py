@@ -1,7 +1,4 @@
-"""Recalls as papers define them, scores of results, and tests of results on the same pairs.
-
-A protocol is a TOML file, such as those in ``evaluation/presets``.
-"""
+"""Recalls as papers define them, scores of results, and tests of results on the same pairs."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -137,9 +134,8 @@ def read_protocol(name: str) -> RecallProtocol:
     elif name.endswith(".toml"):
         text = load_text(name)
     else:
-        refuse_word(
-            "protocol", name, protocol_names(), guess_word(name, protocol_names()), ", or a .toml file"
-        )
+        known = protocol_names()
+        refuse_word("protocol", name, known, guess_word(name, known), ", or a .toml file")
     try:
         table = tomllib.loads(text)
         recalls = [Recall(**one) for one in table.pop("recall", ())]
@@ -192,10 +188,8 @@ def refuse_inverses(truth: PairPoses, found: PairPoses, scored: PairErrors, reca
 
 
 def _interval(right: BoolArray, scenes: NDArray[np.str_]) -> tuple[float, float]:
-    """Return the 95 % interval of the mean recall of scenes, from Wilson's interval of each, JASA 1927.
-
-    Those of several are combined as Zou and Donner do, Statistics in Medicine 2008.
-    """
+    """Return the 95 % interval of the mean recall of scenes, from Wilson's interval of each, JASA 1927."""
+    # Those of several are combined as Zou and Donner do, Statistics in Medicine 2008.
     scene = np.unique(scenes, return_inverse=True)[1]
     sizes = np.bincount(scene)
     shares, squares = np.bincount(scene, weights=right) / sizes, NormalDist().inv_cdf(0.975) ** 2 / sizes
@@ -206,10 +200,8 @@ def _interval(right: BoolArray, scenes: NDArray[np.str_]) -> tuple[float, float]
 
 
 def compare_results(found: Mapping[str, PairErrors], recall: Recall) -> list[dict[str, Any]]:
-    """Test every two results on the same pairs: pairs registered by one only, and p adjusted by Holm.
-
-    Pairs without numbers are identified by their order in the scene.
-    """
+    """Test every two results on the same pairs: pairs registered by one only, and p adjusted by Holm."""
+    # Pairs without numbers are identified by their order in the scene.
     keys: dict[str, list[Key]] = {}
     registered: dict[str, BoolArray] = {}
     for name, one in found.items():

@@ -114,14 +114,14 @@ def feature_matching_recall(
 ) -> float:
     """Return the fraction of pairs with an inlier ratio above a threshold.
 
+    `scenes` are as for `registration_recall`; all papers report the mean over scenes.
+
     Parameters
     ----------
     inlier_ratios : (P,) array_like of float
         The `inlier_ratio` of each pair.
     least : float
         PPFNet's tau_2; GeoTransformer also counts equal ratios.
-    scenes : sequence of str, optional
-        As for `registration_recall`; all papers report the mean over scenes.
 
     Returns
     -------
@@ -164,12 +164,7 @@ def inlier_ratio(
 def mean_average_accuracy(errors: ArrayLike, limits: ArrayLike) -> float:
     """Return the mean over limits of the fraction of errors up to each (mAA).
 
-    Parameters
-    ----------
-    errors : (P,) array_like of float
-        Infinite for pairs without a pose.
-    limits : (L,) array_like of float
-        In the unit of the errors; 1 to 10 degrees in the Image Matching Challenge.
+    Parameters are as for `ecdf`; limits are 1 to 10 degrees in the Image Matching Challenge.
 
     Returns
     -------

@@ -29,7 +29,6 @@ from cgroup.types import BoolArray, FloatArray
 # Of pairs: scene, "" if unknown, target, source and pose.
 _Pairs = Iterable[tuple[str, int, int, Any]]
 
-
 # Names of files that are no scene; the folder is named after it.
 _UNNAMED = {"est", "gt", "poses", "graph", "result", "results", "trajectory"}
 _MOST_CLOUDS = 1_000  # largest number of clouds whose pairs are all evaluated
@@ -168,11 +167,9 @@ def _names_of(file: Path) -> list[str]:
 
 
 def _number_clouds(clouds: _Clouds, truth: PairPoses | None, scene: str) -> dict[int, int]:
-    """Return the number in the truth of each row: by the same name, or the same place.
-
-    A truth that lists as many clouds is in the same order. In others, the numbers at the end of the names
-    count, or the rows, whichever are more of the truth's.
-    """
+    """Return the number in the truth of each row: by the same name, or the same place."""
+    # A truth that lists as many clouds is in the same order. In others, the numbers at the end of the names
+    # count, or the rows, whichever are more of the truth's.
     rows = sorted({*clouds.names, *(row for row, _, _ in clouds.placed)})
     as_rows = dict(zip(rows, rows, strict=True))
     by_name = last_numbers(clouds.names) or as_rows

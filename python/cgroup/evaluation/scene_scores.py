@@ -111,20 +111,15 @@ def score_scene(
     rotation, translation = (np.full(len(first), np.inf) for _ in range(2))
     joined = (part[first] == part[second]) & (part[first] >= 0)
     source, target = first[joined], second[joined]
-    relative, right = (np.linalg.solve(each[target], each[source]) for each in (estimated, true))
-    rotation[joined] = angles(relative[:, :3, :3].transpose(0, 2, 1) @ right[:, :3, :3])
-    translation[joined] = np.linalg.norm(relative[:, :3, 3] - right[:, :3, 3], axis=1)
+    relative, actual = (np.linalg.solve(each[target], each[source]) for each in (estimated, true))
+    rotation[joined] = angles(relative[:, :3, :3].transpose(0, 2, 1) @ actual[:, :3, :3])
+    translation[joined] = np.linalg.norm(relative[:, :3, 3] - actual[:, :3, 3], axis=1)
     members = {frozenset(np.flatnonzero(place == each).tolist()) for each in np.unique(place)}
     several = [frozenset(component.tolist()) for component in parts if len(component) > 1]
-    return SceneScore(
-        rotation,
-        translation,
-        right=sum(each in members for each in several),
-        mixed=sum(len({int(place[row]) for row in each}) > 1 for each in several),
-        found=len(several),
-        wanted=sum(len(each) > 1 for each in members),
-        placed=sum(map(len, several)),
-    )
+    right = sum(each in members for each in several)
+    mixed = sum(len({int(place[row]) for row in each}) > 1 for each in several)
+    wanted, placed = sum(len(each) > 1 for each in members), sum(map(len, several))
+    return SceneScore(rotation, translation, right, mixed, len(several), wanted, placed)
 
 
 def as_labels(name: str, value: object, count: int, what: str) -> list[str]:

@@ -83,10 +83,8 @@ class Cloud:
     >>> from cgroup import features
     >>> from cgroup.datasets import standin_pair
     >>> cloud = features.Cloud(standin_pair(pixels=60).source.points)
-    >>> pr = features.resolution(cloud)
-    >>> keypoints = features.harris3d(cloud, resolution=pr, threshold=1e-6)
-    >>> planes = features.normals(cloud)
-    >>> descriptors = features.shot(cloud, planes, keypoints, radius=15 * pr)
+    >>> keypoints, planes = features.harris3d(cloud, count=50), features.normals(cloud)
+    >>> descriptors = features.shot(cloud, planes, keypoints, radius=20)
     """
 
     __slots__ = ("_core", "_name", "_places", "_points")

@@ -71,8 +71,7 @@ def shot_lrf(
     >>> from cgroup import features
     >>> from cgroup.datasets import standin_pair
     >>> points = standin_pair(pixels=60).source.points
-    >>> pr = features.resolution(points)
-    >>> x, y, z = features.shot_lrf(points, [500], radius=15 * pr)[0]
+    >>> x, y, z = features.shot_lrf(points, [500], radius=20)[0]
     >>> bool(np.allclose(np.cross(x, y), z))
     True
     """
@@ -142,28 +141,20 @@ def shot(
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cgroup import features
     >>> from cgroup.datasets import standin_pair
     >>> points = standin_pair(pixels=60).source.points
-    >>> pr = features.resolution(points)
-    >>> planes = features.normals(points)
-    >>> descriptors = features.shot(points, planes, [0, 500], radius=15 * pr)
-    >>> descriptors.shape, np.linalg.norm(descriptors, axis=1).round(3).tolist()
-    ((2, 352), [1.0, 1.0])
+    >>> features.shot(points, features.normals(points), [0, 500], radius=20).shape
+    (2, 352)
     """
     rows = as_rows("keypoints", keypoints)
     frames = None if lrf is None else real_frames("lrf", lrf, len(rows))
     places = places_of(points)
     return _core.shot(
-        places.core,
-        places.normals(real_normals("normals", normals)),
-        places.keypoints(rows),
-        run_options(threads),
-        radius=as_number("radius", radius),
-        lrf=frames,
+        places.core, places.normals(real_normals("normals", normals)), places.keypoints(rows),
+        run_options(threads), radius=as_number("radius", radius), lrf=frames,
         pcl_compat=as_flag("pcl_compat", pcl_compat),
-    )
+    )  # fmt: skip
 
 
 @explain_wrong_calls
@@ -181,14 +172,9 @@ def lfsh(
         Three histograms, each of sum 1; zero rows with fewer than 6 points in the ball, NaN rows where the
         keypoint has no normal.
     """
-    places = places_of(points)
-    return _core.lfsh(
-        places.core,
-        places.normals(real_normals("normals", normals)),
-        places.keypoints(as_rows("keypoints", keypoints)),
-        run_options(threads),
-        as_number("radius", radius),
-    )
+    places, directions = places_of(points), real_normals("normals", normals)
+    rows, size = places.keypoints(as_rows("keypoints", keypoints)), as_number("radius", radius)
+    return _core.lfsh(places.core, places.normals(directions), rows, run_options(threads), size)
 
 
 @explain_wrong_calls
@@ -254,19 +240,14 @@ def fpfh(
     >>> from cgroup import features
     >>> from cgroup.datasets import standin_pair
     >>> points = standin_pair(pixels=60).source.points
-    >>> pr = features.resolution(points)
-    >>> descriptors = features.fpfh(points, features.normals(points), radius=5 * pr)
-    >>> descriptors.shape, descriptors[0].reshape(3, 11).sum(axis=1).round(2).tolist()
-    ((2554, 33), [200.0, 200.0, 200.0])
+    >>> features.fpfh(points, features.normals(points), radius=8).shape
+    (2554, 33)
     """
     places = places_of(points)
     found = _core.fpfh(
-        places.core,
-        places.normals(real_normals("normals", normals)),
+        places.core, places.normals(real_normals("normals", normals)),
         None if keypoints is None else places.keypoints(as_rows("keypoints", keypoints)),
-        run_options(threads),
-        radius=as_number("radius", radius),
+        run_options(threads), radius=as_number("radius", radius), convention=convention,
         max_neighbors=None if max_neighbors is None else as_count("max_neighbors", max_neighbors, 1),
-        convention=convention,
-    )
+    )  # fmt: skip
     return places.spread(found) if keypoints is None else found

@@ -36,9 +36,7 @@ def length_or_multiple(
     known = None if unit is None else as_length("resolution", unit)
     if given is not None:
         return as_length(name, given)
-    if known is not None:
-        return factor * known
-    return factor * resolution_of(cloud, threads)
+    return factor * (resolution_of(cloud, threads) if known is None else known)
 
 
 @explain_wrong_calls
@@ -93,9 +91,7 @@ def harris3d(
     >>> from cgroup import features
     >>> from cgroup.datasets import standin_pair
     >>> points = standin_pair(pixels=60).source.points
-    >>> pr = features.resolution(points)
-    >>> usual = features.harris3d(points, resolution=pr)
-    >>> len(usual) > len(features.harris3d(points, resolution=pr, count=50)) > 30
+    >>> len(features.harris3d(points)) > len(features.harris3d(points, count=50)) > 30
     True
     """
     places = places_of(points)
@@ -103,16 +99,12 @@ def harris3d(
         return np.empty(0, dtype=np.int64)
     size = length_or_multiple("radius", radius, HARRIS_RADIUS, places, resolution, threads)
     found = _core.harris3d(
-        places.core,
-        None if normals is None else places.normals(real_normals("normals", normals)),
-        run_options(threads),
-        radius=size,
-        response=response,
-        threshold=as_number("threshold", threshold),
+        places.core, None if normals is None else places.normals(real_normals("normals", normals)),
+        run_options(threads), radius=size, response=response, threshold=as_number("threshold", threshold),
         nms_radius=size if nms_radius is None else as_number("nms_radius", nms_radius),
         break_ties=as_flag("break_ties", break_ties),
         count=None if count is None else as_count("count", count, 1),
-    )
+    )  # fmt: skip
     return places.first_rows(found)
 
 
@@ -171,9 +163,7 @@ def iss(
     >>> from cgroup import features
     >>> from cgroup.datasets import standin_pair
     >>> points = standin_pair(pixels=60).source.points
-    >>> pr = features.resolution(points)
-    >>> usual = features.iss(points, resolution=pr)
-    >>> len(usual) > 3 * len(features.iss(points, resolution=pr, nms_radius=6 * pr))
+    >>> len(features.iss(points)) > len(features.iss(points, count=20)) > 10
     True
     """
     places = places_of(points)
@@ -189,17 +179,12 @@ def iss(
         distinct = given if places.first is None else given[places.first]
         return places.first_rows(_iss_by_open3d(distinct, salient, nms, gamma_21, gamma_32, min_neighbors))
     found = _core.iss(
-        places.core,
-        run_options(threads),
-        salient_radius=salient,
-        nms_radius=nms,
-        gamma_21=as_number("gamma_21", gamma_21),
-        gamma_32=as_number("gamma_32", gamma_32),
+        places.core, run_options(threads), salient_radius=salient, nms_radius=nms, covariance=covariance,
+        gamma_21=as_number("gamma_21", gamma_21), gamma_32=as_number("gamma_32", gamma_32),
         min_neighbors=as_count("min_neighbors", min_neighbors, 1),
         density_weight=as_flag("density_weight", density_weight),
-        covariance=covariance,
         count=None if count is None else as_count("count", count, 1),
-    )
+    )  # fmt: skip
     return places.first_rows(found)
 
 
@@ -256,9 +241,8 @@ def _iss_by_open3d(
     open3d = _load_open3d()
     cloud = in_double(points)
     copy = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(cloud))
-    found = open3d.geometry.keypoint.compute_iss_keypoints(
-        copy, salient, nms, gamma_21, gamma_32, min_neighbors
-    )
+    detect = open3d.geometry.keypoint.compute_iss_keypoints
+    found = detect(copy, salient, nms, gamma_21, gamma_32, min_neighbors)
     # Open3D gives coordinates; the lowest row that has them is the keypoint.
     rows = {tuple(point): row for row, point in reversed(list(enumerate(cloud.tolist())))}
     return np.array(sorted(rows[tuple(point)] for point in np.asarray(found.points).tolist()), dtype=np.int64)

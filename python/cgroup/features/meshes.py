@@ -56,9 +56,8 @@ def sample_mesh(mesh: AnyCloud, *, spacing: float | None = None) -> PointCloud:
     outwards = np.where(inwards, -1.0, 1.0)[:, None] * across / doubled[:, None]
     large = np.flatnonzero(longest_edges(corners) > size)
     places, rows = _sample_triangles(corners[large], doubled[large], size)
-    return PointCloud(
-        np.concatenate([points[used], places]), np.concatenate([normals[used], outwards[large][rows]])
-    )
+    directions = np.concatenate([normals[used], outwards[large][rows]])
+    return PointCloud(np.concatenate([points[used], places]), directions)
 
 
 def longest_edges(corners: FloatArray) -> FloatArray:
@@ -79,11 +78,9 @@ def _sample_triangles(
         counts = np.ceil(doubled / length / spacing)
         total = float((doubled / 2 / spacing / spacing + counts + length / spacing).sum())
     if not total <= _MOST_POINTS:
-        raise InputError(
-            "spacing",
-            f"{spacing:.3g}, which makes about {total:.3g} points",
-            f"give a larger one, or a mesh in the right unit: {_MOST_POINTS:,} points are allowed",
-        )
+        got = f"{spacing:.3g}, which makes about {total:.3g} points"
+        remedy = f"give a larger one, or a mesh in the right unit: {_MOST_POINTS:,} points are allowed"
+        raise InputError("spacing", got, remedy)
     triangle, step = _count_up(counts.astype(np.int64))
     height = (step + 0.5) / counts[triangle]
     parts = np.ceil(length[triangle] * (1 - height) / spacing)

@@ -129,21 +129,16 @@ def choose_voxel(*clouds: CloudLike, voxels: int = 5000, threads: int | None = N
     if not clouds:
         raise InputError("clouds", "none", "give one cloud or more")
     most = as_count("voxels", voxels, 1)
-    return _core.choose_voxel(
-        [places_of(cloud, f"clouds[{row}]").core for row, cloud in enumerate(clouds)],
-        run_options(threads),
-        most,
-        own_axes=False,
-    )
+    cores = [places_of(cloud, f"clouds[{row}]").core for row, cloud in enumerate(clouds)]
+    return _core.choose_voxel(cores, run_options(threads), most, own_axes=False)
 
 
 def thin(
     points: CloudLike, voxel: float, *, normals: RealArray | None = None, threads: int | None = None
 ) -> Voxels:
     """Downsample along the cloud's own axes, so that voxels depend on the frame by rounding only."""
-    return Voxels(
-        *_core.voxel_downsample(core_cloud(points), normals, run_options(threads), voxel, own_axes=True)
-    )
+    options = run_options(threads)
+    return Voxels(*_core.voxel_downsample(core_cloud(points), normals, options, voxel, own_axes=True))
 
 
 def choose_thinning(*clouds: CloudLike, voxels: int, threads: int | None) -> float:

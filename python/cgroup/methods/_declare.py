@@ -85,11 +85,8 @@ DECLARED: dict[str, MethodInfo] = {}  # methods by their public names
 
 _POINTS = ("AnyCloud", "(n,3) array_like of float", "Matched points.")
 _NUMBERS = ("ArrayLike", "(n,) array_like of float")
-_FRAMES = (
-    "ArrayLike",
-    "(n,3,3) array_like of float",
-    "Local reference frames; rows are the x, y and z axes; NaN for no frame.",
-)
+_AXES = "Local reference frames; rows are the x, y and z axes; NaN for no frame."
+_FRAMES = ("ArrayLike", "(n,3,3) array_like of float", _AXES)
 _FIELDS = {
     "source": _POINTS,
     "target": _POINTS,
@@ -100,42 +97,45 @@ _FIELDS = {
     "resolution": ("float", "float", "Mean nearest-neighbour distance of the clouds."),
     "source_centroid": ("ArrayLike", "(3,) array_like of float", "Centroid of the whole source cloud."),
     "candidates": (
-        "ArrayLike",
-        "(n,k,3) array_like of float",
+        "ArrayLike", "(n,k,3) array_like of float",
         "Target points that each source point may match, the likeliest first.",
     ),
-}
+}  # fmt: skip
 """Annotation, type in words, and meaning of each field."""
 
 _CONTROLS = {
     "max_seconds": ("float | None", "float, optional", ""),
     "threads": ("int | None", "int, optional", "Number of threads, None for all. It changes no result."),
     "max_memory": (
-        "int | None",
-        "int, optional",
+        "int | None", "int, optional",
         "Bytes for pairwise matrices and graphs; by default a quarter of the free memory, at most 1.5 GiB.",
     ),
     "progress": (
-        "Callable[[float], Any] | None",
-        "callable, optional",
+        "Callable[[float], Any] | None", "callable, optional",
         "Called with the share of the work done, in [0,1]; an error that it raises ends the work.",
     ),
-}
+}  # fmt: skip
 """How a run is controlled: annotation, type in words, and meaning."""
 
-_MATCHES = "matches = problem.source, problem.target"
+_EXAMPLE = """\
+>>> from cgroup.datasets import make_problem
+>>> problem = make_problem(np.random.default_rng(0), 500, inlier_ratio={ratio})
+>>> matches = problem.source, problem.target
+{call}
+>>> bool(problem.inlier_mask[group.mask].mean() > 0.7)
+True"""
+"""Example of a method that takes points."""
+
+_NEEDED = ("ratio", "source_lrf", "target_lrf", "resolution")  # fields in the example, if a method has them
+
 _CODE, _NAME = re.compile(r"`([^`]+)`"), re.compile(r"[\w.]+")
 
 _KINDS = {
-    "flag": ("bool", "bool"),
-    "seed": ("int", "int"),
-    "count": ("int", "int"),
-    "rounds": ("int", "int"),
-    "length": ("float", "float"),
-    "number": ("float", "float"),
+    "flag": ("bool", "bool"), "seed": ("int", "int"), "count": ("int", "int"), "rounds": ("int", "int"),
+    "length": ("float", "float"), "number": ("float", "float"),
     "cut": ('float | Literal["otsu"]', 'float or "otsu"'),
     "scale": ("bool | tuple[float, float]", "bool or (float, float)"),
-}
+}  # fmt: skip
 """Annotation, and type in words, of the kinds of options; choices list their values."""
 
 
@@ -150,17 +150,14 @@ def method(
 
     `facts` has by name the label, idea, complexity, color and marker, and citation of `MethodInfo`. `notes`
     add to the meaning of a field (of both frames: "lrf"), of `max_memory` and of `max_seconds`; the method
-    takes the last two if there is a note. The docstring lacks Parameters, and its Examples the imports and
-    the problem.
+    takes the last two if there is a note. The last paragraph of the docstring describes the result; it lacks
+    Parameters, the Examples of a method that takes points, and the imports of others.
     """
     label, idea, complexity, style, citation = facts[name]
     fields, optional_fields, options = DESCRIBED[name]
     described = {each: MethodOption(*what) for each, what in options.items()}
-    parameters = [
-        *_fields(fields, optional_fields, notes),
-        *_options(described),
-        *_controls(notes, has_progress="source" in fields),
-    ]
+    controls = _controls(notes, has_progress="source" in fields)
+    parameters = [*_fields(fields, optional_fields, notes), *_options(described), *controls]
     signature = Signature([each for each, _, _ in parameters], return_annotation="Grouping")
 
     def make(written: Callable[[], None]) -> Callable[..., Grouping]:
@@ -173,21 +170,9 @@ def method(
         vars(function)["__signature__"] = signature
         function.__annotations__ = {each.name: each.annotation for each, _, _ in parameters}
         function.__doc__ = _complete(written, parameters, in_paper)
-        DECLARED[name] = MethodInfo(
-            name=name,
-            function=function,
-            label=label,
-            idea=idea,
-            complexity=complexity,
-            color=style[:-2],
-            marker=style[-1],
-            citation=citation,
-            in_paper=in_paper,
-            individual=individual,
-            fields=tuple(fields),
-            optional_fields=tuple(optional_fields),
-            options=described,
-        )
+        drawn = style[:-2], style[-1]  # color and marker
+        about = name, function, label, idea, complexity, *drawn, citation, in_paper, individual
+        DECLARED[name] = MethodInfo(*about, tuple(fields), tuple(optional_fields), described)
         return function
 
     return make
@@ -205,11 +190,8 @@ def _fields(fields: list[str], optional: list[str], notes: Mapping[str, str]) ->
         if name in optional:
             default, annotation, words = None, f"{annotation} | None", f"{words}, optional"
         note = notes.get("lrf" if name.endswith("_lrf") else name, "")
-        yield (
-            Parameter(name, kind, default=default, annotation=annotation),
-            words,
-            f"{meaning} {note}".strip(),
-        )
+        parameter = Parameter(name, kind, default=default, annotation=annotation)
+        yield parameter, words, f"{meaning} {note}".strip()
 
 
 def _options(options: Mapping[str, MethodOption]) -> Iterator[_Described]:
@@ -241,19 +223,21 @@ def _in_docstring(markdown: str) -> str:
 
 
 def _complete(written: Callable[[], None], parameters: list[_Described], in_paper: bool) -> str:  # noqa: FBT001
-    """Return the docstring of a method with its Parameters, and the start of its Examples."""
-    start = f"Examples\n--------\n>>> import numpy as np\n>>> from cgroup import {written.__name__}\n"
-    text = cleandoc(written.__doc__ or "").replace("Examples\n--------\n", start)
-    if "problem" in text:
-        drawn = f"make_problem(np.random.default_rng(0), 500, inlier_ratio={0.3 if in_paper else 0.05})"
-        lines = "from cgroup.datasets import make_problem", f"problem = {drawn}", _MATCHES
-        text = text.replace(start, start + "".join(f">>> {line}\n" for line in lines))
-    head, returns, *rest = re.split(r"(?m)^(?=(?:Returns|Examples)\n-)", text)
+    """Return the docstring of a method with its Parameters, Returns and Examples."""
+    name, taken = written.__name__, [each.name for each, _, _ in parameters]
+    text, _, own = cleandoc(written.__doc__ or "").partition("\n\nExamples\n--------\n")
+    head, _, result = text.rpartition("\n\n")
     entries = [
-        f"{', '.join(each.name for each, _, _ in alike)} : {words}\n{_indented(meaning)}\n"
+        f"{', '.join(each.name for each, _, _ in alike)} : {words}\n{_indented(meaning)}"
         for (words, meaning), alike in groupby(parameters, key=lambda entry: entry[1:])
     ]
-    return "".join([head, "Parameters\n----------\n", *entries, "\n", returns, *rest])
+    given = [f"{each}=problem.{each}" for each in _NEEDED if each in taken]
+    call = f">>> group = {name}({', '.join(['*matches', *given])})"
+    call = textwrap.fill(call, 80, subsequent_indent="...     ")
+    example = own or _EXAMPLE.format(ratio=0.3 if in_paper else 0.05, call=call)
+    sections = {"Parameters": "\n".join(entries), "Returns": f"Grouping\n{_indented(result)}"}
+    sections["Examples"] = f">>> import numpy as np\n>>> from cgroup import {name}\n{example}"
+    return "\n\n".join([head, *(f"{title}\n{'-' * len(title)}\n{text}" for title, text in sections.items())])
 
 
 def _indented(text: str) -> str:

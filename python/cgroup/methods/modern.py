@@ -10,20 +10,13 @@ _FACTS = {  # label, idea, cost in n matches, color and marker, source
     "sc2pcr": ("SC2-PCR", "sets with common others", "n²", "#E69F00 >", "Chen et al., CVPR 2022"),
     "turboreg": ("TurboReg", "triangles on heavy pairs", "n²", "#56B4E9 p", "Yan et al., ICCV 2025"),
     "teaser": (
-        "TEASER++",
-        "clique, truncated fit",
-        "n² + search",
-        "#E8601C H",
-        "Yang, Shi, Carlone, T-RO 2021",
+        "TEASER++", "clique, truncated fit", "n² + search", "#E8601C H", "Yang, Shi, Carlone, T-RO 2021",
     ),
     "clipper": (
-        "CLIPPER",
-        "densest agreeing set",
-        "n² + agreeing pairs per step",
-        "#4EB265 d",
+        "CLIPPER", "densest agreeing set", "n² + agreeing pairs per step", "#4EB265 d",
         "Lusk, Fathian, How, ICRA 2021",
     ),
-}
+}  # fmt: skip
 
 
 @method(
@@ -50,23 +43,14 @@ def lc() -> None:
     significant poses agree, or if positions alone give no significant pose (``by_frames`` in the
     diagnostics).
 
-    Returns
-    -------
-    Grouping
-        The correspondences with a residual of at most ``5/3 * tolerance`` under `Grouping.model`, the best
-        pose; without a tolerance, of at most a radius that follows from the residuals. Its scores are
-        probabilities to be right, given that pose; `Grouping.alternatives` has the other poses too.
-        `Grouping.false_alarms` is infinite if a mirror image fits as well. The diagnostics have
-        ``dimensions``, whether the group's points span a body (3), a plane (2) or a line (1), and
-        ``resolution``, a fifth of the radius. Without a pose that three correspondences support, the group is
-        empty. With a scale s, the model and the alternatives are similarities, ``s R`` in their upper left,
-        all of the same s, ``scale`` in the diagnostics; `Grouping.transform` remains a rigid motion.
-
-    Examples
-    --------
-    >>> result = lc(*matches)
-    >>> result.ok, bool((result.mask == problem.inlier_mask).all())
-    (True, True)
+    The correspondences with a residual of at most ``5/3 * tolerance`` under `Grouping.model`, the best pose;
+    without a tolerance, of at most a radius that follows from the residuals. Its scores are probabilities to
+    be right, given that pose; `Grouping.alternatives` has the other poses too. `Grouping.false_alarms` is
+    infinite if a mirror image fits as well. The diagnostics have ``dimensions``, whether the group's points
+    span a body (3), a plane (2) or a line (1), and ``resolution``, a fifth of the radius. Without a pose that
+    three correspondences support, the group is empty. With a scale s, the model and the alternatives are
+    similarities, ``s R`` in their upper left, all of the same s, ``scale`` in the diagnostics;
+    `Grouping.transform` remains a rigid motion.
     """
 
 
@@ -92,21 +76,12 @@ def mac() -> None:
     Cost O(n^2) tests of pairs, a step for each path of two edges, and the cliques. Memory 14 bytes for each
     of the two directions of a pair that agrees.
 
-    Returns
-    -------
-    Grouping
-        The correspondences with a residual below `tolerance` under `Grouping.model`. The score of a
-        correspondence is the weight of the heaviest clique that contains it, 0 where none does. Without a
-        clique that fixes a motion, the group is empty. Diagnostics: ``vertices`` of the graph,
-        ``reduced_vertices`` among which cliques were sought, ``cliques`` found, ``hypotheses`` judged; and
-        ``truncated`` where the search ended at `max_cliques` or `max_seconds`, or where the graph has only
-        the vertices of the highest degrees, because all would exceed `max_memory` or 2^30 paths.
-
-    Examples
-    --------
-    >>> result = mac(*matches, resolution=problem.resolution)
-    >>> bool((result.mask == problem.inlier_mask).all())
-    True
+    The correspondences with a residual below `tolerance` under `Grouping.model`. The score of a
+    correspondence is the weight of the heaviest clique that contains it, 0 where none does. Without a clique
+    that fixes a motion, the group is empty. Diagnostics: ``vertices`` of the graph, ``reduced_vertices``
+    among which cliques were sought, ``cliques`` found, ``hypotheses`` judged; and ``truncated`` where the
+    search ended at `max_cliques` or `max_seconds`, or where the graph has only the vertices of the highest
+    degrees, because all would exceed `max_memory` or 2^30 paths.
     """
 
 
@@ -138,17 +113,8 @@ def sc2pcr() -> None:
     Ties go to the lowest row, so that the group may depend on the order of the rows. Cost O(n^2) per power
     step, and O(n^3 / 64) for the fraction of pairs that are compatible.
 
-    Returns
-    -------
-    Grouping
-        The inliers of `Grouping.model`, the refined pose. Its scores are the confidences. Where no set fixes
-        a pose the group is empty.
-
-    Examples
-    --------
-    >>> result = sc2pcr(*matches, resolution=problem.resolution)
-    >>> bool((result.mask == problem.inlier_mask).all())
-    True
+    The inliers of `Grouping.model`, the refined pose. Its scores are the confidences. Where no set fixes a
+    pose the group is empty.
     """
 
 
@@ -173,16 +139,7 @@ def turboreg() -> None:
     `choice` is refined. Ties go to the lowest row, so that the group may depend on the order of the rows.
     Cost O(n^2) tests of pairs, and O(n^3 / 64) for the fraction of pairs that are compatible.
 
-    Returns
-    -------
-    Grouping
-        The inliers of `Grouping.model`, the refined pose. Without any triangle the group is empty.
-
-    Examples
-    --------
-    >>> result = turboreg(*matches, resolution=problem.resolution)
-    >>> bool((result.mask == problem.inlier_mask).all())
-    True
+    The inliers of `Grouping.model`, the refined pose. Without any triangle the group is empty.
     """
 
 
@@ -198,21 +155,12 @@ def teaser() -> None:
     the choice among several maximum cliques, depend on the order of the rows, and so may the group. Cost
     O(n^2) tests of pairs, memory n^2 / 8 bytes.
 
-    Returns
-    -------
-    Grouping
-        Those kept by the pruning whose residual under `Grouping.model` is at most `tolerance` along each
-        axis of the target; without three kept that fix a rotation, none. With an estimated scale s the
-        model is a similarity, ``s R`` in its upper left; s is ``scale`` in the diagnostics, and
-        `Grouping.transform` remains a rigid motion, without the scale. Diagnostics: ``kept``, the number left
-        by the pruning, and ``steps``. ``truncated`` is 1 where the search for a clique ran out of steps, so
-        that the clique is the largest found, or where the scale is estimated from a sample of the pairs.
-
-    Examples
-    --------
-    >>> result = teaser(*matches, tolerance=5 * problem.resolution)
-    >>> bool((result.mask == problem.inlier_mask).mean() > 0.99), result.model.shape
-    (True, (4, 4))
+    Those kept by the pruning whose residual under `Grouping.model` is at most `tolerance` along each axis of
+    the target; without three kept that fix a rotation, none. With an estimated scale s the model is a
+    similarity, ``s R`` in its upper left; s is ``scale`` in the diagnostics, and `Grouping.transform` remains
+    a rigid motion, without the scale. Diagnostics: ``kept``, the number left by the pruning, and ``steps``.
+    ``truncated`` is 1 where the search for a clique ran out of steps, so that the clique is the largest
+    found, or where the scale is estimated from a sample of the pairs.
     """
 
 
@@ -232,18 +180,9 @@ def clipper() -> None:
     depends on the order of the rows, may decide between nearly equal sets. Cost O(n^2) tests of pairs and
     O(pairs that agree) per step; memory n^2 / 8 bytes, and 4 per agreeing ordered pair where that fits.
 
-    Returns
-    -------
-    Grouping
-        The selected set, and its least-squares motion as `Grouping.model`; fewer than three, or a set on one
-        line, are no group. The scores are u. `diagnostics`: ``objective`` is ``u' M u``, ``rounds`` the
-        number of penalties, and ``certified`` 1 where the set is proved to be a clique that no other exceeds
-        in size: it has as many members as the greatest core number plus one, or as a colouring has colours.
-        If 1,000 rounds, or a penalty of 1e9, were not enough, ``truncated`` is 1.
-
-    Examples
-    --------
-    >>> result = clipper(*matches, resolution=problem.resolution)
-    >>> bool(problem.inlier_mask[result.mask].all()), result.complete
-    (True, True)
+    The selected set, and its least-squares motion as `Grouping.model`; fewer than three, or a set on one
+    line, are no group. The scores are u. `diagnostics`: ``objective`` is ``u' M u``, ``rounds`` the number of
+    penalties, and ``certified`` 1 where the set is proved to be a clique that no other exceeds in size: it
+    has as many members as the greatest core number plus one, or as a colouring has colours. If 1,000 rounds,
+    or a penalty of 1e9, were not enough, ``truncated`` is 1.
     """

@@ -10,17 +10,13 @@ _FACTS = {  # label, idea, cost in n matches, color and marker, source
     "si": ("SI", "votes under its own pose", "n log n + n k", "#88CCEE ^", "Buch et al., CVPR 2014"),
     "cv": ("CV", "votes by distance, frame", "n k", "#44AA99 v", "Yang et al., 2019"),
     "ransac": (
-        "RANSAC",
-        "best of random triples",
-        "n iterations",
-        "#117733 D",
-        "Fischler, Bolles, CACM 1981",
+        "RANSAC", "best of random triples", "n iterations", "#117733 D", "Fischler, Bolles, CACM 1981",
     ),
     "st": ("ST", "principal eigenvector", "n² per power step", "#AA4499 P", "Leordeanu, Hebert, ICCV 2005"),
     "gc": ("GC", "largest star of a seed", "n²", "#882255 X", "Chen, Bhanu, PRL 2007"),
     "3dhv": ("3DHV", "votes for the centre", "n log n", "#CC6677 <", "Tombari, Di Stefano, PSIVT 2010"),
     "gtm": ("GTM", "survivors of a game", "n² per step", "#332288 *", "Rodola et al., IJCV 2013"),
-}
+}  # fmt: skip
 
 
 @method("ss", _FACTS, individual=True, notes={"similarity": "-inf is never selected."})
@@ -29,11 +25,8 @@ def ss() -> None:
 
     Section 3.1, Eq. (1) of Yang et al., TPAMI 2019. Cost O(n), on one thread.
 
-    Returns
-    -------
-    Grouping
-        Its scores are the similarities, `Grouping.threshold` the cut. Without points, so that
-        `Grouping.transform` needs `cgroup.group`.
+    Its scores are the similarities, `Grouping.threshold` the cut. Without points, so that
+    `Grouping.transform` needs `cgroup.group`.
 
     Examples
     --------
@@ -53,10 +46,7 @@ def nnsr() -> None:
     d1/d2`` is Lowe's bound on ``d1/d2``; ``max_ratio=0.2`` is the formula read to the letter. Cost O(n), on
     one thread.
 
-    Returns
-    -------
-    Grouping
-        Its scores are ``1 - ratio``. Without points, so that `Grouping.transform` needs `cgroup.group`.
+    Its scores are ``1 - ratio``. Without points, so that `Grouping.transform` needs `cgroup.group`.
 
     Examples
     --------
@@ -74,17 +64,7 @@ def si() -> None:
     Section 3.1, Eq. (3) to (6) of Yang et al., TPAMI 2019, after Buch et al., CVPR 2014. Cost O(n log n + n
     neighbors).
 
-    Returns
-    -------
-    Grouping
-        Its scores are fractions of votes, in [0,1], and `Grouping.threshold` is the cut on them.
-
-    Examples
-    --------
-    >>> fields = ("source", "target", "ratio", "source_lrf", "target_lrf", "resolution")
-    >>> group = si(**{name: getattr(problem, name) for name in fields})
-    >>> bool(problem.inlier_mask[group.mask].mean() > 0.9)  # 30 % of all are right
-    True
+    Its scores are fractions of votes, in [0,1], and `Grouping.threshold` is the cut on them.
     """
 
 
@@ -95,17 +75,7 @@ def cv() -> None:
     Section 3.1, Eq. (7) to (11) of Yang et al., TPAMI 2019, after Yang et al., 2019. A vote falls with the
     difference of the distances, and with that of the angles between the frames. Cost O(n voters).
 
-    Returns
-    -------
-    Grouping
-        Its scores are sums of votes, in [0, voters], and `Grouping.threshold` is the cut on them.
-
-    Examples
-    --------
-    >>> fields = ("source", "target", "ratio", "source_lrf", "target_lrf", "resolution")
-    >>> group = cv(**{name: getattr(problem, name) for name in fields})
-    >>> bool(problem.inlier_mask[group.mask].mean() > 0.9)  # 30 % of all are right
-    True
+    Its scores are sums of votes, in [0, voters], and `Grouping.threshold` is the cut on them.
     """
 
 
@@ -117,16 +87,7 @@ def ransac() -> None:
     correspondences, its motion their least-squares transform. Samples are rows, so that the order of the rows
     changes them, as another `seed` does. Cost O(iterations n).
 
-    Returns
-    -------
-    Grouping
-        Its `model` is the transform (4,4) of the selection. Without any inlier the group is empty.
-
-    Examples
-    --------
-    >>> group = ransac(*matches, resolution=problem.resolution, refine=True)
-    >>> bool((group.mask == problem.inlier_mask).mean() > 0.99), group.model.shape
-    (True, (4, 4))
+    Its `model` is the transform (4,4) of the selection. Without any inlier the group is empty.
     """
 
 
@@ -138,16 +99,7 @@ def st() -> None:
     accepted in the order of their entries in the principal eigenvector, each unless it conflicts with one
     accepted before. Cost O(n^2) per power step.
 
-    Returns
-    -------
-    Grouping
-        Its scores are the entries of the principal eigenvector.
-
-    Examples
-    --------
-    >>> group = st(*matches)
-    >>> bool(problem.inlier_mask[group.mask].mean() > 0.8)  # 30 % of all are right
-    True
+    Its scores are the entries of the principal eigenvector.
     """
 
 
@@ -167,16 +119,7 @@ def gc() -> None:
     that of the first row is taken, so that the group may depend on the order of the rows. Cost O(n^2) time,
     O(n) memory.
 
-    Returns
-    -------
-    Grouping
-        Its scores are the sizes of the star clusters (star variant).
-
-    Examples
-    --------
-    >>> group = gc(*matches, resolution=problem.resolution)
-    >>> bool(problem.inlier_mask[group.mask].mean() > 0.7)
-    True
+    Its scores are the sizes of the star clusters (star variant).
     """
 
 
@@ -196,17 +139,7 @@ def hough3d() -> None:
     Section 3.2, Eq. (14) to (16) of Yang et al., TPAMI 2019, after Tombari, Di Stefano, PSIVT 2010. Cost O(n
     log n).
 
-    Returns
-    -------
-    Grouping
-        The voters of the fullest bin and its neighbours; without scores.
-
-    Examples
-    --------
-    >>> frames = {"source_lrf": problem.source_lrf, "target_lrf": problem.target_lrf}
-    >>> group = hough3d(*matches, **frames)
-    >>> bool(problem.inlier_mask[group.mask].mean() > 0.9)  # 30 % of all are right
-    True
+    The voters of the fullest bin and its neighbours; without scores.
     """
 
 
@@ -217,14 +150,5 @@ def gtm() -> None:
     Section 3.2, Eq. (17) and (18) of Yang et al., TPAMI 2019, after Rodola et al., IJCV 2013. Payoffs of more
     than 1,024 correspondences are rounded to 16 bits, by 8e-6 at most. Cost O(n^2) per step.
 
-    Returns
-    -------
-    Grouping
-        Its scores are the population shares, which sum to 1, and `Grouping.threshold` is the cut on them.
-
-    Examples
-    --------
-    >>> group = gtm(*matches)
-    >>> bool(problem.inlier_mask[group.mask].mean() > 0.9)  # 30 % of all are right
-    True
+    Its scores are the population shares, which sum to 1, and `Grouping.threshold` is the cut on them.
     """

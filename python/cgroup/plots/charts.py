@@ -1,7 +1,4 @@
-"""Charts as data, and their print versions; the page of the report draws the same charts.
-
-A `Chart` has one or several `Panel`s, each with a `Series` per method.
-"""
+"""Charts as data, and their print versions; the page of the report draws the same charts."""
 
 # Parts of matplotlib's methods are untyped. pandas ships no types, and guesses about it are often wrong.
 # pyright: reportUnknownMemberType=false
@@ -99,9 +96,8 @@ def panels(count: int, *, columns: int, title: str, extra: float = 0.0) -> tuple
     """Make a figure of print width with panels side by side; labels take `extra` inches of height."""
     rows = -(-count // columns)
     size = (style.PRINT_WIDTH, rows * (_PANEL_HEIGHT + extra) + 0.75)
-    figure = Figure(
-        figsize=size, dpi=style.DOTS_PER_INCH, layout=ConstrainedLayoutEngine(w_pad=0.06, h_pad=0.05)
-    )
+    layout = ConstrainedLayoutEngine(w_pad=0.06, h_pad=0.05)
+    figure = Figure(figsize=size, dpi=style.DOTS_PER_INCH, layout=layout)
     grid = figure.subplots(rows, min(columns, count), squeeze=False).reshape(-1)
     for axes in grid[count:]:
         axes.set_axis_off()
@@ -136,9 +132,8 @@ def marker_size(look: MethodStyle) -> float:
 
 
 def _draw_panel(axes: Axes, panel: Panel, looks: Mapping[str, MethodStyle]) -> None:
-    finish(
-        axes, title=panel.title, xlabel=style.as_it_is(panel.x_title), ylabel=panel.y_title, share=panel.share
-    )
+    xlabel = style.as_it_is(panel.x_title)
+    finish(axes, title=panel.title, xlabel=xlabel, ylabel=panel.y_title, share=panel.share)
     aside = np.linspace(-_SPREAD, _SPREAD, len(panel.series)) if panel.names else [0.0] * len(panel.series)
     for series, shift in zip(panel.series, aside, strict=True):
         at = range(len(panel.names)) if panel.names else series.x or panel.at
@@ -182,19 +177,12 @@ def _mark(axes: Axes, places: FloatArray, heights: FloatArray, look: MethodStyle
     for hollow in (False, True):
         if (sparse == hollow).any():
             axes.plot(
-                places,
-                heights,
-                color=look.color,
-                marker=look.marker,
-                markevery=np.flatnonzero(sparse == hollow).tolist(),
-                linestyle="",
-                markersize=marker_size(look),
+                places, heights, marker=look.marker, markevery=np.flatnonzero(sparse == hollow).tolist(),
+                color=look.color, linestyle="", markersize=marker_size(look),
                 markerfacecolor="white" if hollow else look.color,
                 markeredgecolor=look.color if hollow else "white",
-                markeredgewidth=0.9 if hollow else 0.4,
-                clip_on=False,
-                zorder=3,
-            )
+                markeredgewidth=0.9 if hollow else 0.4, clip_on=False, zorder=3,
+            )  # fmt: skip
 
 
 def _place_levels(axes: Axes, panel: Panel) -> None:
@@ -227,32 +215,22 @@ def _name_methods(
     """Draw the legend of methods, and of hollow markers for levels with few pairs."""
     handles = [
         Line2D(
-            [],
-            [],
-            color=look.color,
-            marker=look.marker,
-            linestyle=look.dashes,
-            linewidth=1.1,
-            markersize=marker_size(look),
-            label=look.label,
+            [], [], color=look.color, marker=look.marker, linestyle=look.dashes, linewidth=1.1,
+            markersize=marker_size(look), label=look.label,
         )
         for look in (look._replace(label=style.as_it_is(look.label)) for look in looks.values())
-    ]
+    ]  # fmt: skip
     if few:
         hollow = Line2D([], [], color=style.QUIET_TEXT, marker="o", markerfacecolor="white", label=FEW)
         hollow.set(linestyle=_DOTS, linewidth=0.7, markersize=MARKER_SIZE)
         handles.append(hollow)
     lengths = [len(str(handle.get_label())) for handle in handles]
+    is_below = place == "below"
     figure.legend(
-        handles=handles,
-        loc="outside lower center" if place == "below" else "outside right upper",
-        ncols=_count_columns(lengths) if place == "below" else 1,
-        frameon=False,
-        fontsize=_FONT,
-        handlelength=2.4,
-        columnspacing=1.1,
-        handletextpad=0.4,
-    )
+        handles=handles, loc="outside lower center" if is_below else "outside right upper", frameon=False,
+        ncols=_count_columns(lengths) if is_below else 1, fontsize=_FONT, handlelength=2.4,
+        columnspacing=1.1, handletextpad=0.4,
+    )  # fmt: skip
 
 
 def _count_columns(lengths: list[int]) -> int:

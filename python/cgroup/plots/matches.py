@@ -106,9 +106,7 @@ def comparison_figure(
     T_target_source: FloatArray,
     title: str,
 ) -> Figure:
-    """Draw the group of each method, correct and wrong matches in two colours.
-
-    Further parameters as for `registration_figure`.
+    """Draw the group of each method; the rest is as for `registration_figure`.
 
     Parameters
     ----------
@@ -122,7 +120,7 @@ def comparison_figure(
     Returns
     -------
     Figure
-        The source is rotated by the true pose, so that lines of correct matches are parallel.
+        Correct and wrong matches in two colours, the source rotated by the true pose.
 
     Raises
     ------
@@ -175,7 +173,7 @@ def figure_of(drawing: Drawing) -> Figure:
 
 
 def keypoints_figure(points: AnyCloud, keypoints: Mapping[str, ArrayLike], *, title: str) -> Figure:
-    """Draw keypoints on a cloud, one panel per detector.
+    """Draw keypoints on a cloud; the title is as for `registration_figure`.
 
     Parameters
     ----------
@@ -183,13 +181,11 @@ def keypoints_figure(points: AnyCloud, keypoints: Mapping[str, ArrayLike], *, ti
         Whole cloud.
     keypoints : mapping of str to (m,) array_like of int
         Rows of the cloud, by the name of the detector.
-    title : str
-        Shown on top.
 
     Returns
     -------
     Figure
-        The view is from the side of the origin; keypoints on the far side are left out and counted below.
+        One panel per detector, seen from the origin's side; keypoints on the far side are only counted.
 
     Raises
     ------

@@ -22,19 +22,14 @@ _MOST_POINTS = 300_000
 _APART = 0.06  # least distance of nodes, in widths of the graph; if nearer, all nodes are placed on a circle
 _HOLE = 0.75  # grey of cells that are filled from their neighbours
 _RESIDUALS = LinearSegmentedColormap.from_list("residuals", style.DISTANCE_COLORS)
+_Edge = tuple[int, int, float, bool]  # two scans, residual in standard deviations, whether it was kept
 LEAST_RANGE = 3.0  # least end of the colour scale, in standard deviations
 
 
 def scans_figure(
-    clouds: Sequence[FloatArray],
-    names: Sequence[str],
-    colors: FloatArray,
-    edges: Sequence[tuple[int, int, float, bool]],
+    clouds: Sequence[FloatArray], names: Sequence[str], colors: FloatArray, edges: Sequence[_Edge]
 ) -> Figure:
-    """Draw posed scans in their colours, beside the graph.
-
-    Edges are rows of two scans, a residual in standard deviations, and whether the edge was kept.
-    """
+    """Draw posed scans in their colours, beside the graph."""
     figure = Figure(figsize=(11, 5.2), dpi=style.DOTS_PER_INCH, layout="constrained")
     left, right = figure.subplots(1, 2)
     view = look_at(clouds)
@@ -60,10 +55,8 @@ def look_at(clouds: Sequence[FloatArray]) -> View:
 
 
 def _draw_scans(axes: Axes, clouds: Sequence[FloatArray], colors: FloatArray, view: View) -> None:
-    """Draw each cell in the colour of the scan that is nearest to the viewer there.
-
-    Many scans cover each other: then that of the scan whose middle is nearest.
-    """
+    """Draw each cell in the colour of the scan that is nearest to the viewer there."""
+    # Many scans cover each other: then that of the scan whose middle is nearest.
     few = [view.project(cloud[choose_rows(cloud, _MOST_POINTS // len(clouds))]) for cloud in clouds]
     every, scan = np.concatenate(few), np.repeat(np.arange(len(few)), [len(cloud) for cloud in few])
     picture = paint(every, np.zeros(len(every)), lambda mean: np.ones((*mean.shape, 3)))
@@ -97,11 +90,7 @@ def place_nodes(clouds: Sequence[FloatArray], axes: FloatArray) -> FloatArray:
 
 
 def _draw_graph(
-    axes: Axes,
-    places: FloatArray,
-    names: Sequence[str],
-    colors: FloatArray,
-    edges: Sequence[tuple[int, int, float, bool]],
+    axes: Axes, places: FloatArray, names: Sequence[str], colors: FloatArray, edges: Sequence[_Edge]
 ) -> ScalarMappable:
     kept = [edge[2] for edge in edges if edge[3]]
     scale = ScalarMappable(Normalize(0.0, max([LEAST_RANGE, *kept])), _RESIDUALS)
@@ -117,15 +106,9 @@ def _draw_graph(
         for place, name in zip(places, names, strict=True):
             side = place[0] >= middle[0]
             axes.annotate(
-                style.as_it_is(name),
-                place,
-                (7 if side else -7, 0),
-                textcoords="offset points",
-                ha="left" if side else "right",
-                va="center",
-                fontsize=8,
-                color=style.TEXT,
-            )
+                style.as_it_is(name), place, (7 if side else -7, 0), textcoords="offset points",
+                ha="left" if side else "right", va="center", fontsize=8, color=style.TEXT,
+            )  # fmt: skip
     axes.margins(0.3, 0.12)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_axis_off()

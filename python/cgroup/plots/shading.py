@@ -40,10 +40,8 @@ class View:
 
 
 def face_broadside(points: FloatArray, viewpoint: ArrayLike = (0, 0, 0)) -> View:
-    """Return the view along the thinnest direction of a cloud, from the scanner's side.
-
-    The y axis of the data points upwards, or z where y points at the viewer.
-    """
+    """Return the view along the thinnest direction of a cloud, from the scanner's side."""
+    # The y axis of the data points upwards, or z where y points at the viewer.
     center = points.mean(axis=0)
     scatter = (points - center).T @ (points - center)
     towards = np.linalg.eigh(scatter)[1][:, 0]
@@ -71,10 +69,8 @@ def shade(projected: FloatArray, tint: Tint) -> Picture:
 
 
 def paint(projected: FloatArray, values: FloatArray, color_of: Callable[[FloatArray], FloatArray]) -> Picture:
-    """Shade a projected cloud in colours of values: the means over the nearest points in and around cells.
-
-    The mean is NaN if the values of most of these points are NaN.
-    """
+    """Shade a projected cloud in colours of values: the means over the nearest points in and around cells."""
+    # The mean is NaN if the values of most of these points are NaN.
     kept = _is_no_outlier(projected)
     projected, values = projected[kept], values[kept]
     grid = _Grid.over(projected)
@@ -104,10 +100,10 @@ def find_front(projected: FloatArray) -> BoolArray:
 
 def _is_no_outlier(projected: FloatArray) -> BoolArray:
     """Return the mask of points without far outliers, which are common in laser scans."""
-    low, high = np.quantile(projected[:, :2], (_OUTLIERS, 1 - _OUTLIERS), axis=0)
+    places = projected[:, :2]
+    low, high = np.quantile(places, (_OUTLIERS, 1 - _OUTLIERS), axis=0)
     margin = _MARGIN * (high - low)
-    inside = (projected[:, :2] >= low - margin) & (projected[:, :2] <= high + margin)
-    return inside.all(axis=1)
+    return ((places >= low - margin) & (places <= high + margin)).all(axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +151,7 @@ def _light(depth: FloatArray, cell: float, tint: FloatArray, ambient: float) -> 
 def _range_image(projected: FloatArray, grid: _Grid) -> FloatArray:
     """Return the mean nearness of the front layer per cell, NaN for empty cells."""
     (column, row), near = _front_layer(projected, grid)
-    total, count = np.zeros(grid.shape), np.zeros(grid.shape)
+    total, count = np.zeros((2, *grid.shape))
     np.add.at(total, (column[near], row[near]), projected[near, 2])
     np.add.at(count, (column[near], row[near]), 1)
     with np.errstate(invalid="ignore"):
@@ -177,10 +173,8 @@ def _shift(image: FloatArray, steps: tuple[int, int]) -> FloatArray:
 
 
 def _smooth(depth: FloatArray, jump: float) -> FloatArray:
-    """Return the mean over each cell and its neighbours on the same surface; holes of one cell are filled.
-
-    A hole is a cell without a point, or with points of the far side of the shape only.
-    """
+    """Return the mean over each cell and its neighbours on the same surface; holes of one cell are filled."""
+    # A hole is a cell without a point, or with points of the far side of the shape only.
     around = np.stack([_shift(depth, (i, j)) for i in (-1, 0, 1) for j in (-1, 0, 1)])
     nearer = around > np.nan_to_num(depth, nan=-np.inf) + jump
     hole = nearer.sum(axis=0) >= 5  # most of the eight cells around
@@ -217,10 +211,8 @@ def planes(points: FloatArray) -> FloatArray:
 
 
 def distances(points: FloatArray, planes: FloatArray, others: FloatArray, end: float) -> FloatArray:
-    """(N,) distance of the nearest other point from the plane about each point; NaN without a counterpart.
-
-    This is the distance between surfaces; that of points is mostly the distance between samples.
-    """
+    """(N,) distance of the nearest other point from the plane about each point; NaN without a counterpart."""
+    # This is the distance between surfaces; that of points is mostly the distance between samples.
     offsets = _core.nearest(points, others, run_options(), _REACH * end)
     off_plane = np.abs(np.einsum("ij,ij->i", offsets, planes))
     return np.where(planes.any(axis=1), off_plane, np.linalg.norm(offsets, axis=1))

@@ -36,15 +36,11 @@ SYMBOLS = {
 
 METHOD_STYLES = {
     info.name: MethodStyle(
-        info.label,
-        info.color,
-        info.marker,
-        SYMBOLS[info.marker],
-        1.55 if info.marker == "*" else 1.0,
-        (0, (4, 1.5)) if info.individual else "-",
+        info.label, info.color, info.marker, SYMBOLS[info.marker],
+        1.55 if info.marker == "*" else 1.0, (0, (4, 1.5)) if info.individual else "-",
     )
     for info in METHOD_INFO.values()
-}
+}  # fmt: skip
 """Those of the package."""
 
 # Of methods from outside, in this order.
@@ -88,11 +84,9 @@ PRINT_WIDTH = 7.2  # inches: both columns of a page
 def method_styles(
     methods: Iterable[str], chosen: Mapping[str, MethodStyle] | None = None
 ) -> dict[str, MethodStyle]:
-    """Return the styles of all methods of a figure or a report.
-
-    Methods of the package and those chosen already keep their looks; each of the others takes the next of
-    `OWN_COLORS` and `OWN_MARKERS`, and its name as the label.
-    """
+    """Return the styles of all methods of a figure or a report."""
+    # Methods of the package and those chosen already keep their looks; each of the others takes the next of
+    # `OWN_COLORS` and `OWN_MARKERS`, and its name as the label.
     names = list(dict.fromkeys(methods))
     known = METHOD_STYLES | dict(chosen or {})
     own = own_styles((name for name in names if name not in known), len(known) - len(METHOD_STYLES))

@@ -120,10 +120,8 @@ def _refuse(lines: IndexArray, is_bad: BoolArray, reason: str) -> None:
 
 
 def definite(information: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Increase the eigenvalues of semi-definite matrices, up to rounding; return also their mask.
-
-    Eigenvalues are those of the matrix that is scaled to a diagonal of ones.
-    """
+    """Increase the eigenvalues of semi-definite matrices, up to rounding; return also their mask."""
+    # Eigenvalues are those of the matrix that is scaled to a diagonal of ones.
     changed = np.zeros(len(information), bool)
     for row in np.flatnonzero(singular(information)):
         matrix = information[row]
@@ -182,9 +180,8 @@ def parse_json(content: str) -> GraphContent:
         information, changed = definite(information)
         probability = np.array([0.5 if edge["uncertain"] else 1.0 for edge in edges])
     except (KeyError, TypeError, ValueError, OverflowError) as error:
-        raise InputError(
-            f"no PoseGraph of Open3D with nodes and edges ({escape(cut(str(error)))})"
-        ) from error
+        message = f"no PoseGraph of Open3D with nodes and edges ({escape(cut(str(error)))})"
+        raise InputError(message) from error
     notes = _notes_of(changed, [f"edge {row}" for row in np.flatnonzero(changed)])
     return GraphContent(poses, ends, measurements, information, probability, np.arange(len(poses)), notes)
 
@@ -216,16 +213,11 @@ def format_json(graph: GraphContent, names: Sequence[str] = ()) -> str:
     ]
     edges = [
         {
-            "class_name": "PoseGraphEdge",
-            "confidence": 1.0,
-            "information": information[row],
-            "source_node_id": j,
-            "target_node_id": i,
-            "transformation": measurements[row],
-            "uncertain": uncertain[row],
-            **version,
+            "class_name": "PoseGraphEdge", "confidence": 1.0, "information": information[row],
+            "source_node_id": j, "target_node_id": i, "transformation": measurements[row],
+            "uncertain": uncertain[row], **version,
         }
         for row, (i, j) in enumerate(graph.edges.tolist())
-    ]
+    ]  # fmt: skip
     scans = {"scans": list(map(escape, names))} if names else {}
     return json.dumps({"class_name": "PoseGraph", "edges": edges, "nodes": nodes, **scans, **version})

@@ -17,15 +17,7 @@ from cgroup._checks.values import as_choice, as_flag, as_index, as_path, refusal
 from cgroup.errors import InputError
 from cgroup.io import write_file
 from cgroup.io.files import load_text, naming, written_path
-from cgroup.pose_graph.files import (
-    GraphContent,
-    format_g2o,
-    format_json,
-    parse_json,
-    parse_text,
-    singular,
-    trust_steps,
-)
+from cgroup.pose_graph import files
 from cgroup.rigid.transforms import as_poses
 
 _KINDS = {"numbers": np.float64, "whole numbers": np.int64, "truth values": np.bool_}
@@ -96,10 +88,11 @@ class PoseGraph:
             row, column = outside[0]
             raise InputError("edges", f"node {edges[row, column]} in row {row}", f"there are {nodes} poses")
         information = self._numbers("information", "numbers", count, 6, 6)
-        if (bad := np.flatnonzero(singular(information))).size:
+        if (bad := np.flatnonzero(files.singular(information))).size:
             got = f"no symmetric positive definite matrix in row {bad[0]}"
             raise InputError("information", got, "give the inverse of a covariance")
-        usual = {"probability": trust_steps(edges), "kept": np.ones(count, bool), "ids": np.arange(nodes)}
+        trust = files.trust_steps(edges)
+        usual = {"probability": trust, "kept": np.ones(count, bool), "ids": np.arange(nodes)}
         for name, value in usual.items():
             if getattr(self, name) is None:
                 object.__setattr__(self, name, value)
@@ -142,7 +135,7 @@ class PoseGraph:
             these edges.
         """
         path = as_path("path", path)
-        parse = parse_json if path.suffix.lower() == ".json" else parse_text
+        parse = files.parse_json if path.suffix.lower() == ".json" else files.parse_text
         content = load_text(path)
         with naming(path):
             return cls(**parse(content)._asdict())
@@ -164,8 +157,8 @@ class PoseGraph:
 
         :meta private:
         """
-        form = format_json if suffix == ".json" else format_g2o
-        return form(GraphContent._make((*self._arrays(self.kept), self.ids, ())), names).encode()
+        form = files.format_json if suffix == ".json" else files.format_g2o
+        return form(files.GraphContent._make((*self._arrays(self.kept), self.ids, ())), names).encode()
 
     def optimize(
         self,

@@ -44,20 +44,15 @@ def check_fields(**given: Any) -> Fields:  # noqa: ANN401 - by name, None for th
     missing = [name for name in ("source_lrf", "target_lrf") if given.get(name) is None]
     if len(missing) == 1:
         raise InputError(missing[0], remedy="missing; frames are needed on both sides or on neither")
-    checked = {
-        name: _CHECKS[name](name, value, rows)
-        for name, value in given.items()
-        if value is not None or name == "target"
-    }
-    return Fields(source=source, **checked)
+    taken = {name: value for name, value in given.items() if value is not None or name == "target"}
+    return Fields(source=source, **{name: _CHECKS[name](name, taken[name], rows) for name in taken})
 
 
 def _partners(name: str, target: object, rows: int) -> RealArray:
     points = real_points(name, target)
     if len(points) != rows:
-        raise InputError(
-            name, f"{len(points)} rows, but source has {rows}", "row i of one matches row i of the other"
-        )
+        got = f"{len(points)} rows, but source has {rows}"
+        raise InputError(name, got, "row i of one matches row i of the other")
     return points
 
 
@@ -69,15 +64,11 @@ def _centroid(name: str, value: ArrayLike, _rows: int) -> RealArray:
 
 
 _CHECKS: dict[str, Callable[..., Any]] = {
-    "target": _partners,
-    "similarity": real_vector,
-    "ratio": real_vector,
-    "source_lrf": real_frames,
-    "target_lrf": real_frames,
+    "target": _partners, "similarity": real_vector, "ratio": real_vector,
+    "source_lrf": real_frames, "target_lrf": real_frames, "candidates": real_candidates,
     "resolution": lambda name, value, _rows: as_number(name, value),
     "source_centroid": _centroid,
-    "candidates": real_candidates,
-}
+}  # fmt: skip
 """What checks a field: a function of its name, its value and the number of matches."""
 
 
@@ -113,8 +104,6 @@ class Correspondences:
     >>> target = source + [1.0, 0.0, 0.0]
     >>> target[40:] = 0.0
     >>> matches = Correspondences(source, target, resolution=0.01)
-    >>> matches
-    Correspondences(n=50, fields=['source', 'target', 'resolution'])
     >>> group(matches, "gc").size
     40
     """

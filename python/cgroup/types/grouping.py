@@ -21,10 +21,8 @@ from cgroup.explanation import Explanation
 from cgroup.types.fields import Correspondences, Fields
 from cgroup.types.point_cloud import AnyCloud
 
-_WITHOUT_POINTS = (
-    "{}: this group was made without points; "
-    'group correspondences that have them: cgroup.group(correspondences, "ss")'
-)
+_USE_GROUP = 'group correspondences that have them: cgroup.group(correspondences, "ss")'
+_WITHOUT_POINTS = f"{{}}: this group was made without points; {_USE_GROUP}"
 
 
 @dataclass(frozen=True)
@@ -177,9 +175,8 @@ class Grouping:
     def complete(self) -> bool:
         """Whether the method finished its search.
 
-        False if a bound on cliques, steps, time or memory ended the search early:
-        ``diagnostics["truncated"]`` is 1 then. Other entries of `diagnostics` give its progress, such
-        as ``vertices`` or ``cliques`` (MAC).
+        False if a bound on cliques, steps, time or memory ended it early: ``diagnostics["truncated"]`` is 1.
+        Other entries of `diagnostics` give its progress, such as ``vertices`` or ``cliques`` (MAC).
         """
         return not self.diagnostics.get("truncated", 0.0)
 
@@ -205,17 +202,6 @@ class Grouping:
             For fewer than three selected correspondences, or a group on one line.
         InputError
             If the method was given no points (`ss`, `nnsr`): use `cgroup.group`.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> from cgroup import gtm
-        >>> source = np.random.default_rng(0).uniform(size=(50, 3))
-        >>> gtm(source, source + [1.0, 2.0, 3.0]).transform().round(6) + 0.0
-        array([[1., 0., 0., 1.],
-               [0., 1., 0., 2.],
-               [0., 0., 1., 3.],
-               [0., 0., 0., 1.]])
         """
         if self._positions is None:
             raise InputError(_WITHOUT_POINTS.format("transform"))

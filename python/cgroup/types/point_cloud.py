@@ -15,37 +15,27 @@ from cgroup._checks.foreign import cloud_parts
 from cgroup.rigid import apply, check_rigid
 
 
-class _HasPoints(Protocol):
-    """A cloud of Open3D, small_gicp or PyVista, or one that laspy has read."""
-
+class _HasPoints(Protocol):  # clouds of Open3D, small_gicp, PyVista and laspy
     @property
     def points(self) -> Any: ...  # noqa: ANN401 - of the library's own kind, here and below
 
 
-class _HasVertices(Protocol):
-    """A mesh of Open3D or trimesh."""
-
+class _HasVertices(Protocol):  # meshes of Open3D and trimesh
     @property
     def vertices(self) -> Any: ...  # noqa: ANN401
 
 
-class _HasPoint(Protocol):
-    """A cloud of Open3D's tensors."""
-
+class _HasPoint(Protocol):  # clouds of Open3D's tensors
     @property
     def point(self) -> Any: ...  # noqa: ANN401
 
 
-class _HasVertex(Protocol):
-    """A mesh of Open3D's tensors."""
-
+class _HasVertex(Protocol):  # meshes of Open3D's tensors
     @property
     def vertex(self) -> Any: ...  # noqa: ANN401
 
 
-class _IsMessage(Protocol):
-    """A cloud of ROS."""
-
+class _IsMessage(Protocol):  # clouds of ROS
     fields: Any
     data: Any
 
@@ -116,9 +106,8 @@ def join_clouds(clouds: Sequence[PointCloud]) -> PointCloud:
     if not clouds:
         return PointCloud(np.empty((0, 3)))
     starts = np.cumsum([0, *map(len, clouds)])
-    faces = [
-        cloud.faces + start for cloud, start in zip(clouds, starts, strict=False) if cloud.faces is not None
-    ]
+    shifted = zip(clouds, starts, strict=False)
+    faces = [cloud.faces + start for cloud, start in shifted if cloud.faces is not None]
     normals = [cloud.normals for cloud in clouds if cloud.normals is not None]
     colors = [cloud.colors for cloud in clouds if cloud.colors is not None]
     places = [cloud.viewpoint for cloud in clouds if cloud.viewpoint is not None]
@@ -143,16 +132,13 @@ def find_cloud(name: str, cloud: object) -> PointCloud | None:
     parts = cloud_parts(name, cloud)
     if parts is None:
         return None
-    normals = (
-        None
-        if parts.normals is None
-        else arrays.in_double(arrays.real_normals(f"{name}.normals", parts.normals))
-    )
+    normals = parts.normals
+    if normals is not None:
+        normals = arrays.in_double(arrays.real_normals(f"{name}.normals", normals))
     faces = None if parts.faces is None else arrays.as_faces(f"{name}.faces", parts.faces)
     points = arrays.as_points(name, parts.points)
-    return PointCloud(
-        points, normals, faces, arrays.as_colors(parts.colors, len(points)), viewpoint=parts.viewpoint
-    )
+    colors = arrays.as_colors(parts.colors, len(points))
+    return PointCloud(points, normals, faces, colors, viewpoint=parts.viewpoint)
 
 
 def as_cloud(name: str, cloud: AnyCloud) -> PointCloud:

@@ -62,9 +62,8 @@ class Surface:
     ) -> None:
         rows, directions = real_points("points", points), real_normals("normals", normals)
         if len(rows) != len(directions):
-            raise InputError(
-                "normals", f"{len(directions)} for {len(rows)} points", "give one per point, NaN for none"
-            )
+            got = f"{len(directions)} for {len(rows)} points"
+            raise InputError("normals", got, "give one per point, NaN for none")
         self._unit = as_number("unit", unit)
         eye = None if viewpoint is None else as_place("viewpoint", viewpoint)
         known = eye is not None if oriented is None else as_flag("oriented", oriented)

@@ -28,11 +28,9 @@ _BUMPS = ((150, 60.0, 0.06), (500, 300.0, 0.03))
 
 
 def stone(rng: np.random.Generator, grid: int) -> Mesh:
-    """Make a closed, star-shaped mesh of mean radius `RADIUS` mm around the origin, oriented outwards.
-
-    The shape depends on the generator alone. The grid is the number of vertices along each edge of the cube
-    that is blown up to the ball. There are 6 grid^2 vertices, those on the edges several times.
-    """
+    """Make a closed, star-shaped mesh of mean radius `RADIUS` mm around the origin, oriented outwards."""
+    # The shape depends on the generator alone. The grid is the number of vertices along each edge of the cube
+    # that is blown up to the ball. There are 6 grid^2 vertices, those on the edges several times.
     directions, faces = _ball(grid)
     columns = np.ascontiguousarray(directions.T)
     height = np.full(len(directions), _TALLEST, dtype=np.float32)

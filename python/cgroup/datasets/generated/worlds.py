@@ -1,7 +1,7 @@
 """Generated worlds of boxes, cylinders and balls, and simulated scans."""
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar, NamedTuple, TypeAlias
 
@@ -99,24 +99,18 @@ def _scan(
 # --- Sensors ----------------------------------------------------------------------------------------------
 
 
-def _spinning(beams: int, lowest: float, highest: float, columns: int) -> Callable[[float], Sensor]:
-    def make(span: float) -> Sensor:
-        up = np.radians(np.linspace(lowest, highest, beams))
-        around = np.linspace(0, 2 * np.pi, columns, endpoint=False)
-        return Sensor(_directions(up, around), 2.5 * span, level=True)
-
-    return make
+def _spinning(span: float, beams: int, lowest: float, highest: float, columns: int) -> Sensor:
+    up = np.radians(np.linspace(lowest, highest, beams))
+    around = np.linspace(0, 2 * np.pi, columns, endpoint=False)
+    return Sensor(_directions(up, around), 2.5 * span, level=True)
 
 
-def _pinhole(width: int, height: int, degrees: float, reach: float) -> Callable[[float], Sensor]:
-    def make(span: float) -> Sensor:
-        size = np.tan(np.radians(degrees / 2))
-        x = np.linspace(-size, size, width)
-        y, z = np.meshgrid(x, x[:height] * 1.0 - x[:height].mean(), indexing="ij")
-        rays = np.stack([np.ones(y.size), y.ravel(), z.ravel()], axis=1)
-        return Sensor(rays / np.linalg.norm(rays, axis=1)[:, None], reach * span, level=False)
-
-    return make
+def _pinhole(span: float, width: int, height: int, degrees: float, reach: float) -> Sensor:
+    size = np.tan(np.radians(degrees / 2))
+    x = np.linspace(-size, size, width)
+    y, z = np.meshgrid(x, x[:height] * 1.0 - x[:height].mean(), indexing="ij")
+    rays = np.stack([np.ones(y.size), y.ravel(), z.ravel()], axis=1)
+    return Sensor(rays / np.linalg.norm(rays, axis=1)[:, None], reach * span, level=False)
 
 
 def _directions(up: FloatArray, around: FloatArray) -> FloatArray:
@@ -125,13 +119,13 @@ def _directions(up: FloatArray, around: FloatArray) -> FloatArray:
 
 
 _SENSORS: dict[str, Callable[[float], Sensor]] = {
-    "lidar16": _spinning(16, -15, 15, 1200),
-    "sparse16": _spinning(16, -15, 15, 400),
-    "lidar32": _spinning(32, -25, 15, 900),
-    "lidar64": _spinning(64, -24, 4, 900),
-    "station": _spinning(150, -60, 60, 400),
-    "camera": _pinhole(200, 150, 65, 1.5),
-    "turntable": _pinhole(160, 160, 40, 8.0),
+    "lidar16": lambda span: _spinning(span, 16, -15, 15, 1200),
+    "sparse16": lambda span: _spinning(span, 16, -15, 15, 400),
+    "lidar32": lambda span: _spinning(span, 32, -25, 15, 900),
+    "lidar64": lambda span: _spinning(span, 64, -24, 4, 900),
+    "station": lambda span: _spinning(span, 150, -60, 60, 400),
+    "camera": lambda span: _pinhole(span, 200, 150, 65, 1.5),
+    "turntable": lambda span: _pinhole(span, 160, 160, 40, 8.0),
 }
 
 
@@ -144,15 +138,14 @@ def _box(*numbers: float) -> list[float]:
     return [x, y, z + c / 2, a / 2, b / 2, c / 2, *(yaw or [0.0])]
 
 
-def _world(
-    boxes: list[list[float]],
-    cylinders: list[list[float]] | None = None,
-    balls: list[list[float]] | None = None,
-) -> World:
+_Rows: TypeAlias = Sequence[Sequence[float]]
+
+
+def _world(boxes: _Rows, cylinders: _Rows = (), balls: _Rows = ()) -> World:
     return World(
         np.array(boxes, float).reshape(-1, 7),
-        np.array(cylinders or [], float).reshape(-1, 5),
-        np.array(balls or [], float).reshape(-1, 4),
+        np.array(cylinders, float).reshape(-1, 5),
+        np.array(balls, float).reshape(-1, 4),
     )
 
 
@@ -173,10 +166,8 @@ class Stand(NamedTuple):
             return [_upright(place, rng.uniform(0, 2 * np.pi)) for place in (first, second)]
         yaw = rng.uniform(0, 2 * np.pi) if self.facing is None else self.facing
         turns = yaw + rng.uniform(-0.5, 0.5, 2)
-        return [
-            _upright(place, turn, rng.uniform(-0.15, 0.25, 2))
-            for place, turn in zip((first, second), turns, strict=True)
-        ]
+        places = zip((first, second), turns, strict=True)
+        return [_upright(place, turn, rng.uniform(-0.15, 0.25, 2)) for place, turn in places]
 
 
 class Orbit(NamedTuple):
@@ -221,10 +212,8 @@ def _facade(rng: np.random.Generator) -> _Made:
     for k in range(-14, 15):
         for floor in range(floors):
             x, z = k * bay, 3.2 * floor + 0.9
-            boxes += [
-                _box(x - width / 2, -depth / 2, z, 0.2, depth, height),
-                _box(x + width / 2, -depth / 2, z, 0.2, depth, height),
-            ]
+            sides = (x - width / 2, x + width / 2)
+            boxes += [_box(side, -depth / 2, z, 0.2, depth, height) for side in sides]
             boxes.append(_box(x, -depth, z - 0.2, width + 0.6, 2 * depth, 0.15))
     return _world(boxes), 12.0, Stand((-8, -9, 1.5), (8, -6, 1.8), 8, np.pi / 2)
 
@@ -253,14 +242,9 @@ def _corridor(rng: np.random.Generator) -> _Made:
 
 
 def _walls(a: float, b: float, height: float) -> list[list[float]]:
-    return [
-        _box(0, 0, -0.2, a + 1, b + 1, 0.2),
-        _box(0, 0, height, a + 1, b + 1, 0.2),
-        _box(a / 2 + 0.1, 0, 0, 0.2, b, height),
-        _box(-a / 2 - 0.1, 0, 0, 0.2, b, height),
-        _box(0, b / 2 + 0.1, 0, a, 0.2, height),
-        _box(0, -b / 2 - 0.1, 0, a, 0.2, height),
-    ]
+    flat = [_box(0, 0, bottom, a + 1, b + 1, 0.2) for bottom in (-0.2, height)]
+    ends = [_box(side * (a / 2 + 0.1), 0, 0, 0.2, b, height) for side in (1, -1)]
+    return flat + ends + [_box(0, side * (b / 2 + 0.1), 0, a, 0.2, height) for side in (1, -1)]
 
 
 def _furniture(rng: np.random.Generator, a: float, b: float, count: int) -> list[list[float]]:
@@ -279,7 +263,7 @@ def _room(rng: np.random.Generator) -> _Made:
         for _ in range(rng.integers(0, 8))
     ]
     boxes = _walls(a, b, 2.6) + _furniture(rng, a, b, int(rng.integers(6, 16)))
-    return _world(boxes, None, balls), 5.0, Stand((-a / 4, -b / 4, 0.7), (a / 4, b / 4, 1.2), 2.5)
+    return _world(boxes, balls=balls), 5.0, Stand((-a / 4, -b / 4, 0.7), (a / 4, b / 4, 1.2), 2.5)
 
 
 def _twin(rng: np.random.Generator) -> _Made:
@@ -337,17 +321,13 @@ def _gear(rng: np.random.Generator) -> _Made:
 
 
 def _heap(rng: np.random.Generator) -> _Made:
+    draw = rng.uniform
     boxes = [
-        _box(
-            *rng.uniform(-0.6, 0.6, 2),
-            rng.uniform(-0.5, 0.4),
-            *rng.uniform(0.15, 0.8, 3),
-            rng.uniform(0, np.pi),
-        )
+        _box(*draw(-0.6, 0.6, 2), draw(-0.5, 0.4), *draw(0.15, 0.8, 3), draw(0, np.pi))
         for _ in range(rng.integers(4, 14))
     ]
     balls = [[*rng.uniform(-0.6, 0.6, 3), rng.uniform(0.1, 0.4)] for _ in range(rng.integers(3, 14))]
-    return _world(boxes, None, balls), 1.0, Orbit(4.0)
+    return _world(boxes, balls=balls), 1.0, Orbit(4.0)
 
 
 _WORLDS = {
