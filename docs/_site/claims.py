@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from cgroup.benchmark.paper.claims import CLAIMS, CRITERIA
-from cgroup.benchmark.paper.verdicts import read_explanations
+from cgroup.benchmark.paper.claims import CLAIMS, CRITERIA, read_explanations
 from cgroup.benchmark.readings import read_questions
 
 if TYPE_CHECKING:

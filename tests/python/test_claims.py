@@ -10,11 +10,19 @@ from benchmark_frames import paper_frame, paper_timing
 from claim_contradictions import CONTRADICTIONS, Contradiction
 
 from cgroup.benchmark.paper.checks import Check, Comparison, in_top
-from cgroup.benchmark.paper.claims import CLAIMS, CRITERIA, Claim, Verdict, check_claims, decide
+from cgroup.benchmark.paper.claims import (
+    CLAIMS,
+    CRITERIA,
+    Claim,
+    Verdict,
+    as_markdown,
+    check_claims,
+    counts_line,
+    decide,
+)
 from cgroup.benchmark.paper.evidence import Evidence
 from cgroup.benchmark.paper.numbers import Numbers, Row, rank
 from cgroup.benchmark.paper.table import make_table
-from cgroup.benchmark.paper.verdicts import as_markdown, counts_line
 from cgroup.benchmark.paper.words import compare_rankings, correlate_with_levels
 
 NO_TIMES = pd.DataFrame()

@@ -17,9 +17,8 @@ from cgroup._checks.values import as_path
 from cgroup._runtime.progress import ignore_progress
 from cgroup.benchmark import tables
 from cgroup.benchmark.paper import EXPERIMENTS
-from cgroup.benchmark.paper.claims import CRITERIA, check_evidence
+from cgroup.benchmark.paper.claims import CRITERIA, Verdict, as_markdown, check_evidence, count_verdicts
 from cgroup.benchmark.paper.evidence import Evidence
-from cgroup.benchmark.paper.verdicts import Verdict, as_markdown, count_verdicts
 from cgroup.benchmark.problem import Task
 from cgroup.benchmark.report.cells import dataset_table, failure_table, plain_table
 from cgroup.benchmark.report.charts import FigureFiles

@@ -33,7 +33,7 @@ from cgroup.io.result_folders import check_folder
 if TYPE_CHECKING:  # slow to load
     from rich.progress import TaskID
 
-    from cgroup.benchmark.paper.verdicts import Verdict
+    from cgroup.benchmark.paper.claims import Verdict
     from cgroup.benchmark.report.cells import Table
 
 
@@ -271,7 +271,7 @@ def report_command(out: Path = _OUT) -> Document:
 def _print_claims(document: Document, *, format: Format, wide: bool) -> None:  # noqa: A002 - the option's
     from pydantic import TypeAdapter  # noqa: PLC0415 - slow to load
 
-    from cgroup.benchmark.paper.verdicts import Verdict, as_markdown  # noqa: PLC0415
+    from cgroup.benchmark.paper.claims import Verdict, as_markdown  # noqa: PLC0415
 
     verdicts = TypeAdapter(list[Verdict]).validate_python(document["results"]["claims"])
     if format == "markdown":
@@ -318,15 +318,14 @@ def claims_command(
     with show_stages() as begin:
         from cgroup.benchmark import tables  # noqa: PLC0415 - slow to load
         from cgroup.benchmark.paper import claims  # noqa: PLC0415
-        from cgroup.benchmark.paper.verdicts import count_verdicts, counts_line  # noqa: PLC0415
 
         begin("reading records")
         frame, timing = tables.load(out), tables.load(out, "timing")
         begin("checking claims")
         verdicts = claims.check_claims(frame, timing)
     results = {
-        "counts": count_verdicts(verdicts),
-        "counted": counts_line(verdicts),
+        "counts": claims.count_verdicts(verdicts),
+        "counted": claims.counts_line(verdicts),
         "claims": [asdict(verdict) for verdict in verdicts],
     }
     return {"options": {"out": out}, "results": results}
