@@ -81,7 +81,7 @@ GROUPS: dict[str, dict[str, str]] = {
         "Poses": "read_transform read_transforms write_transform check_rigid RIGID_TOLERANCE",
         "Matches and groups": "read_correspondences write_correspondences write_mask",
         "Descriptors and keypoints": "read_descriptors write_descriptors write_keypoints",
-        "Any file": "write_file",
+        "Any file": "transform_file write_file",
     },
     "cgroup.rigid": {
         "Transforms": "apply invert check_rigid RIGID_TOLERANCE",

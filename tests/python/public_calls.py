@@ -221,6 +221,12 @@ def _files(folder: Path) -> dict[str, dict[str, Any]]:
         "read_correspondences": {"path": folder / "matches.npz"},
         "read_transform": {"path": folder / "pose.txt"},
         "read_transforms": {"path": folder / "pose.txt"},
+        "transform_file": {
+            "path": folder / "cloud.ply",
+            "pose": np.eye(4),
+            "out": folder / "moved.ply",
+            "scale": 1.0,
+        },
         "write_file": {"path": folder / "file", "content": b"content"},
         "write_cloud": {"path": folder / "other.ply", "cloud": PAIR.source},
         "write_descriptors": {"path": folder / "other.npz", "described": described},

@@ -11,6 +11,7 @@ try:
 
     from cgroup.cli.command import examples, make_app
     from cgroup.cli.commands import (
+        apply,
         benchmark,
         compare,
         evaluate,
@@ -41,6 +42,7 @@ app = make_app(
         "cgroup register source.ply target.ply",
         "cgroup merge scans/*.ply --out scene",
         "cgroup locate scan.ply --map building.ply",
+        "cgroup apply out/source_on_target.txt source.laz",
         "cgroup compare source.ply target.ply --truth pose.txt",
         "cgroup group matches.txt --method lc --resolution 0.02",
         "cgroup COMMAND --help",
@@ -49,7 +51,7 @@ app = make_app(
     ),
     add_completion=True,
 )
-for commands in (register, merge, locate, recognize, compare, evaluate, group, features):
+for commands in (register, merge, locate, apply, recognize, compare, evaluate, group, features):
     app.add_typer(commands.app)
 app.add_typer(benchmark.app, name="benchmark")
 

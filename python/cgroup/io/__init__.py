@@ -8,6 +8,7 @@ from cgroup.io.clouds import read_cloud, read_descriptors, write_cloud, write_de
 from cgroup.io.correspondences import read_correspondences, write_correspondences, write_mask
 from cgroup.io.depth import read_depth
 from cgroup.io.files import write_file
+from cgroup.io.moved import transform_file
 from cgroup.io.transforms import read_transform, read_transforms, write_transform
 from cgroup.rigid import RIGID_TOLERANCE, check_rigid
 from cgroup.types import PointCloud
@@ -22,6 +23,7 @@ __all__ = [
     "read_descriptors",
     "read_transform",
     "read_transforms",
+    "transform_file",
     "write_cloud",
     "write_correspondences",
     "write_descriptors",

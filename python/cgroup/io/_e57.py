@@ -19,8 +19,8 @@ from cgroup.rigid import apply
 from cgroup.types import FloatArray
 from cgroup.types.point_cloud import PointCloud, join_clouds
 
-_PAGE, _USED = 1024, 1020  # bytes of a page, and of these before its checksum
-_PAGES = 4096  # whose checksums are computed at a time
+PAGE, USED = 1024, 1020  # bytes of a page, and of these before its checksum
+PAGES = 4096  # whose checksums are computed at a time
 _RECORDS = 1 << 20  # unpacked at a time
 _LONGEST_XML = 16 << 20
 _XML_PLACE = 24  # of its address and length in the header
@@ -74,11 +74,10 @@ def unread_fields(file: BinaryIO) -> list[str]:
     """Return the names of the fields that `parse_e57` does not read; none for a damaged file."""
     file.seek(_XML_PLACE)
     address, length = struct.unpack("<QQ", file.read(16).ljust(16, b"\0"))
-    file.seek(min(address // _PAGE * _PAGE, file.seek(0, os.SEEK_END)))
-    pages = file.read(min(length, _LONGEST_XML) * _PAGE // _USED + 2 * _PAGE)
-    used = b"".join(pages[place : place + _USED] for place in range(0, len(pages), _PAGE))
+    file.seek(min(address // PAGE * PAGE, file.seek(0, os.SEEK_END)))
+    pages = file.read(min(length, _LONGEST_XML) * PAGE // USED + 2 * PAGE)
     try:
-        root = _parse_xml(used[address % _PAGE :][:length])
+        root = parse_xml(used_bytes(pages)[address % PAGE :][:length])
     except (InputError, ET.ParseError, UnicodeDecodeError):
         return []
     scans = [_child(entry, "points") for entry in _children(root, "data3D")]
@@ -88,24 +87,48 @@ def unread_fields(file: BinaryIO) -> list[str]:
 
 def _checked_pages(content: bytes) -> bytes:
     """Return the content of the pages; raise for a wrong checksum."""
+    length, _, _ = check_head(content, len(content))
+    for first in range(0, length // PAGE, PAGES):
+        check_pages(content[first * PAGE : min(first + PAGES, length // PAGE) * PAGE], first)
+    return used_bytes(content[:length])
+
+
+def check_head(content: bytes, size: int) -> tuple[int, int, int]:
+    """Return the length of a file by its header, and the address and length of its description."""
     if content[:8] != b"ASTM-E57":
         raise InputError("doesn't begin with ASTM-E57")
-    major, _, length, page = struct.unpack_from("<IIQ16xQ", content, 8)
-    if (major, page) != (1, _PAGE):
+    major, _, length, address, described, page = struct.unpack_from("<IIQQQQ", content, 8)
+    if (major, page) != (1, PAGE):
         raise InputError(
-            f"version {major} with pages of {page} bytes; version 1 with pages of {_PAGE} is read"
+            f"version {major} with pages of {page} bytes; version 1 with pages of {PAGE} is read"
         )
-    if length > len(content) or length % _PAGE:
-        raise InputError(f"{len(content)} of {length} bytes")
-    pages = np.frombuffer(content, np.uint8, length).reshape(-1, _PAGE)
-    for first in range(0, len(pages), _PAGES):
-        block = pages[first : first + _PAGES]
-        wrong = np.flatnonzero(_checksums(block[:, :_USED]) != block[:, _USED:].copy().view(">u4")[:, 0])
-        if len(wrong):
-            raise InputError(
-                f"page {first + wrong[0]} does not match its checksum: the file is damaged, copy it again"
-            )
-    return pages[:, :_USED].tobytes()
+    if length > size or length % PAGE:
+        raise InputError(f"{size} of {length} bytes")
+    if described > _LONGEST_XML:
+        raise InputError(f"a description of {described} bytes")
+    return length, address, described
+
+
+def check_pages(content: bytes, first: int) -> None:
+    """Raise for a wrong checksum in pages from a number on."""
+    block = np.frombuffer(content, np.uint8).reshape(-1, PAGE)
+    wrong = np.flatnonzero(_checksums(block[:, :USED]) != block[:, USED:].copy().view(">u4")[:, 0])
+    if len(wrong):
+        raise InputError(
+            f"page {first + wrong[0]} does not match its checksum: the file is damaged, copy it again"
+        )
+
+
+def used_bytes(pages: bytes) -> bytes:
+    """Return the content of pages without their checksums."""
+    return b"".join(pages[place : place + USED] for place in range(0, len(pages), PAGE))
+
+
+def seal_pages(content: bytes) -> bytes:
+    """Return pages with their checksums."""
+    pages = np.frombuffer(content, np.uint8).reshape(-1, USED)
+    sums = _checksums(pages).astype(">u4")[:, None].view(np.uint8)
+    return np.concatenate([pages, sums], axis=1).tobytes()
 
 
 def _checksums(pages: NDArray[np.uint8]) -> NDArray[np.uint32]:
@@ -126,24 +149,30 @@ def _crc_table() -> NDArray[np.uint32]:
 _CRC = _crc_table()
 
 
-def _logical(address: int) -> int:
+def logical(address: int) -> int:
     """Return the offset of a byte of the file within the content of the pages."""
-    return address // _PAGE * _USED + min(address % _PAGE, _USED)
+    return address // PAGE * USED + min(address % PAGE, USED)
 
 
 def _description(data: bytes, content: bytes) -> Element:
     address, length = struct.unpack_from("<QQ", content, _XML_PLACE)
-    start = _logical(address)
+    start = logical(address)
     text = data[start : start + length]
     if len(text) < length or length > _LONGEST_XML:
         raise InputError(f"a description of {length} bytes")
-    return _parse_xml(text)
+    return parse_xml(text)
 
 
-def _parse_xml(text: bytes) -> Element:
+def parse_xml(text: bytes) -> Element:
+    """Parse a description."""
+    return ET.fromstring(refuse_types(text).decode())  # noqa: S314 - of bounded size, and without entities
+
+
+def refuse_types(text: bytes) -> bytes:
+    """Return a description; raise if it has a document type."""
     if b"<!DOCTYPE" in text:  # entities could expand to any size
         raise InputError("its description has a document type, which E57 has not")
-    return ET.fromstring(text.decode())  # noqa: S314 - of bounded size, and without entities
+    return text
 
 
 def _name(entry: Element) -> str:
@@ -180,11 +209,11 @@ class _Scan:
         self.count = int(points.get("recordCount", ""))
         if self.count == 0:  # nothing need be where its records would be
             return
-        self._start = _logical(int(points.get("fileOffset", "")))
+        self._start = logical(int(points.get("fileOffset", "")))
         if self.count < 0 or self._start < 0:
             raise InputError(f"{self.count} points from byte {self._start} on")
         kind, self.length, first = struct.unpack_from("<B7xQQ", data, self._start)
-        self._packets = _logical(first)
+        self._packets = logical(first)
         if kind != 1 or self._start + self.length > len(data):
             raise InputError(f"points of {self.length} bytes from byte {self._start} on")
 
@@ -208,7 +237,7 @@ class _Scan:
         normals, place = _stack(columns, _NORMAL), None
         pose = _child(self._entry, "pose")
         if pose is not None:
-            matrix = _pose(pose)
+            matrix = pose_of(pose)
             points = apply(matrix, points)
             normals = None if normals is None else normals @ matrix[:3, :3].T
             # Where a writer knows no place, it is the origin.
@@ -293,7 +322,7 @@ def _stack(columns: dict[str, FloatArray], names: tuple[str, ...]) -> FloatArray
     return np.stack([columns[name] for name in names], axis=1) if columns.keys() >= set(names) else None
 
 
-def _pose(pose: Element) -> FloatArray:
+def pose_of(pose: Element) -> FloatArray:
     """Return the matrix that moves a scan into the frame of the file."""
     place, turn = (_child(pose, name) for name in ("translation", "rotation"))
     x, y, z = (_number(place, axis) for axis in "xyz")

@@ -21,7 +21,7 @@ from cgroup.types.point_cloud import PointCloud, join_clouds
 
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
-_JSON, _BINARY = 0x4E4F534A, 0x004E4942
+JSON_CHUNK, _BINARY = 0x4E4F534A, 0x004E4942
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 
 
@@ -39,14 +39,14 @@ def _chunks(content: bytes) -> tuple[bytes, bytes]:
     version, length = struct.unpack_from("<II", content, 4)
     if version != 2 or length > len(content):
         raise InputError(f"version {version}, {len(content)} of {length} bytes")
-    chunks, place = {_JSON: b"", _BINARY: b""}, 12
+    chunks, place = {JSON_CHUNK: b"", _BINARY: b""}, 12
     while place < length:
         size, kind = struct.unpack_from("<II", content, place)
         if size > length - place - 8:
             raise InputError(f"a chunk of {size} bytes at byte {place} of {length}")
         chunks[kind] = chunks.get(kind) or content[place + 8 : place + 8 + size]
         place += 8 + size
-    return chunks[_JSON], chunks[_BINARY]
+    return chunks[JSON_CHUNK], chunks[_BINARY]
 
 
 class _Scene:

@@ -19,7 +19,7 @@ from collections.abc import Callable, Generator, Iterable
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, BinaryIO, TypeVar
 
 from cgroup import _core
 from cgroup._checks.quoting import escape
@@ -30,6 +30,7 @@ from cgroup.types import FloatArray
 Result = TypeVar("Result")
 
 _CHUNK = 16 << 20  # bytes read at a time; a signal is heard in between
+_BUFFER = 1 << 20
 _TRUSTED = 64 << 20  # bytes that any file may grow to
 _MOST_GROWTH = 100  # times that a file may grow beyond; numbers that were measured grow a few times
 _MOST_DIGITS = 20  # of a whole number of 64 bits, with its sign
@@ -53,19 +54,24 @@ def write_file(path: str | os.PathLike[str], content: bytes) -> None:
         All that it is to hold.
     """
     path, content = as_path("path", path), as_instance("content", content, bytes)
+    write_stream(path, lambda file: file.write(content))
+
+
+def write_stream(path: Path, write: Callable[[BinaryIO], object]) -> None:
+    """Write a file, all or none, by a function that writes to an open file."""
     check_outputs([path])
     try:
         if path.parent not in _run.swept:
             _run.swept.add(path.parent)
             remove_dead_parts(path.parent)
-        replace_whole(path, content, lambda: [tell(path, content) for tell in listeners])
+        replace_whole(path, write)
     except (OSError, UnicodeEncodeError) as error:
         reason = error.strerror or error if isinstance(error, OSError) else "no such file name"
         raise InputError(f"{path}: can't be written ({reason})") from error
 
 
-listeners: list[Callable[[Path, bytes], object]] = []
-"""Called with each file and its content before it is replaced."""
+listeners: list[Callable[[Path, str], object]] = []
+"""Called with each file and the SHA-256 of its new content before it is replaced."""
 
 
 @dataclass
@@ -176,33 +182,42 @@ def naming(path: Path) -> Generator[None]:
 def read_content(path: str | os.PathLike[str]) -> bytes:
     """Read a regular file that is not empty; reading a pipe or a device might never end."""
     path = as_path("path", path)
+    with open_input(path, buffering=0) as file:
+        status = os.fstat(file.fileno())
+        content = io.BytesIO()  # gives its bytes away without a copy
+        try:
+            while chunk := file.read(min(_CHUNK, status.st_size - content.tell())):
+                content.write(chunk)
+        except OSError as error:
+            raise InputError(f"{path}: can't be read ({error.strerror or error})") from error
+    found = content.getvalue()
+    if not found:
+        raise InputError(f"{path}: the file is empty")
+    key = status.st_dev, status.st_ino
+    if _is_command and not _run.read[key][1]:
+        _run.read[key] = str(path), hashlib.sha256(found).hexdigest()
+    return found
+
+
+def open_input(path: Path, buffering: int = _BUFFER) -> BinaryIO:
+    """Open a regular file that is not empty, which the caller closes."""
     try:
         # Opening a device can do something to it, so its kind is looked at before; and after, when it stays.
-        reason = _what_else(path.stat()) or _open_and_read(path)
+        reason = _what_else(path.stat())
+        if not reason:
+            file = open(os.open(path, _FLAGS), "rb", buffering=buffering)  # noqa: PTH123, SIM115 - the flags
+            status = os.fstat(file.fileno())
+            reason = _what_else(status) or (None if status.st_size else "the file is empty")
+            if not reason:
+                if _is_command:
+                    _run.read.setdefault((status.st_dev, status.st_ino), (str(path), ""))
+                return file
+            file.close()
     except (FileNotFoundError, UnicodeEncodeError):
         reason = "no such file"
     except OSError as error:
         reason = f"can't be read ({error.strerror or error})"
-    if isinstance(reason, bytes):
-        if reason:
-            return reason
-        reason = "the file is empty"
     raise InputError(f"{path}: {reason}")
-
-
-def _open_and_read(path: Path) -> bytes | str:
-    """Return the content, or the reason why there is none."""
-    with open(os.open(path, _FLAGS), "rb", buffering=0) as file:  # noqa: PTH123 - the flags
-        status = os.fstat(file.fileno())
-        if else_there := _what_else(status):
-            return else_there
-        content = io.BytesIO()  # gives its bytes away without a copy
-        while chunk := file.read(min(_CHUNK, status.st_size - content.tell())):
-            content.write(chunk)
-    found = content.getvalue()
-    if _is_command and (status.st_dev, status.st_ino) not in _run.read:
-        _run.read[status.st_dev, status.st_ino] = str(path), hashlib.sha256(found).hexdigest()
-    return found
 
 
 def _what_else(status: os.stat_result) -> str | None:
@@ -217,13 +232,22 @@ def _what_else(status: os.stat_result) -> str | None:
 def parse_file(path: Path, parse: Callable[[bytes], Result]) -> Result:
     """Parse the file; any error of a parser becomes one error with the name of the file."""
     content = read_content(path)
-    try:
+    with faults_of(path):
         return parse(content)
+
+
+@contextmanager
+def faults_of(path: Path, extra: str = "scans") -> Generator[None]:
+    """Turn any error of a parser into one error with the name of the file."""
+    try:
+        yield
     except ModuleNotFoundError as error:
-        raise InputError(f"{path}: reading it needs {error.name}; pip install 'cgroup[scans]'") from error
+        raise InputError(f"{path}: reading it needs {error.name}; pip install 'cgroup[{extra}]'") from error
     except MemoryError:
         raise
     except Exception as error:
+        if getattr(error, "errno", None):  # of the system, not of a parser
+            raise
         said = "the end of the file" if isinstance(error, struct.error) else str(error)
         reason = escape(" ".join(said.split())[:_SHOWN]) or type(error).__name__
         kind = path.suffix.lstrip(".").upper() or "text"
@@ -260,8 +284,8 @@ def number_lines(rows: FloatArray) -> list[str]:
     return [" ".join(map(repr, row)) for row in rows.tolist()]
 
 
-def replace_whole(path: Path, content: bytes, ready: Callable[[], object]) -> None:
-    """Write a temporary file, call `ready`, and replace the file by it.
+def replace_whole(path: Path, write: Callable[[BinaryIO], object]) -> None:
+    """Write a temporary file, call the listeners, and replace the file by it.
 
     The part is locked as long as its process lives. A process that is killed leaves it without a lock, for
     `remove_dead_parts`.
@@ -271,15 +295,17 @@ def replace_whole(path: Path, content: bytes, ready: Callable[[], object]) -> No
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
     part = path.parent / f"{_BEGIN}{secrets.token_hex(4)}{_END}"
     try:
-        with part.open("xb") as file:
+        with part.open("x+b") as file:
             with suppress(OSError):  # of a file system without locks
                 _lock(file.fileno())
             if status is not None:
                 part.chmod(stat.S_IMODE(status.st_mode))
-            file.write(content)
+            write(file)
             file.flush()
             os.fsync(file.fileno())
-            ready()
+            digest = (digest_of(part) if listeners else None) or ""
+            for tell in listeners:
+                tell(path, digest)
             if not _IS_WINDOWS:
                 part.replace(path)  # while it is locked
         if _IS_WINDOWS:

@@ -6,7 +6,6 @@ list in the folder, a line of JSON per file, has what wrote each, and the digest
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 from collections import defaultdict
@@ -83,12 +82,12 @@ class Results:
         was_there, before = self._folder.exists(), self._read()
         make_folder(self._folder)
 
-        def add(path: Path, content: bytes) -> None:
+        def add(path: Path, digest: str) -> None:
             if (name := self._name(path)) is not None:
                 self.check([path])
                 if name not in lines:
                     written.append(path)
-                lines[name] = _Line(self._by, run, hashlib.sha256(content).hexdigest())
+                lines[name] = _Line(self._by, run, digest)
                 self._append(name, lines[name])
 
         listeners.append(add)
