@@ -55,12 +55,15 @@ def test_our_own_find_the_pose(problem, name, options):
 @pytest.mark.parametrize("told", [True, False])
 def test_viewpoints_are_told_or_not(problem, monkeypatch, told):
     register = Mock(
-        return_value=SimpleNamespace(T_target_source=POSE, ok=True, probability=0.9, covariance=None)
+        return_value=SimpleNamespace(
+            T_target_source=POSE, ok=True, probability=0.9, covariance=None, decoy_probability=None
+        )
     )
     monkeypatch.setattr(own, "register", register)
     answer, _ = make_solver("pipeline", "", "cgroup", {"viewpoints": told, "effort": "low"}).register(problem)
     assert answer.T_target_source is POSE
     assert answer.probability == 0.9
+    assert np.isnan(answer.decoy)
     given = register.call_args.kwargs
     assert (given["voxel"], given["effort"]) == (problem.voxel, "low")
     assert ("source_viewpoint" in given) == ("target_viewpoint" in given) == told
@@ -70,11 +73,14 @@ def test_the_best_guess_of_a_refusal_is_an_answer(problem, monkeypatch):
     refusal = NoConsensusError("nothing fits")
     monkeypatch.setattr(own, "register", Mock(side_effect=refusal))
     for guess in (POSE, None):
-        found = SimpleNamespace(T_target_source=POSE, ok=False, probability=0.1, covariance=None)
+        found = SimpleNamespace(
+            T_target_source=POSE, ok=False, probability=0.1, covariance=None, decoy_probability=0.05
+        )
         refusal.registration = None if guess is None else found  # pyright: ignore[reportAttributeAccessIssue]
         answer, _ = make_solver("pipeline", "", "cgroup", {}).register(problem)
         assert answer.T_target_source is guess
         assert not answer.ok
+        assert np.isnan(answer.decoy) if guess is None else answer.decoy == 0.05
 
 
 def test_matches_that_fix_no_pose_are_no_answer(problem, monkeypatch):
