@@ -143,9 +143,11 @@ def _read_message(name: str, value: Any) -> CloudParts | None:  # noqa: ANN401
     fields = [each for each in value.fields if each.count <= 1]
     places = {str(each.name).casefold(): (order + _ROS_TYPES[each.datatype], each.offset) for each in fields}
     kinds, offsets = zip(*places.values(), strict=True)
-    layout = {"names": list(places), "formats": kinds, "offsets": offsets, "itemsize": value.point_step}
+    layout = np.dtype(
+        {"names": list(places), "formats": kinds, "offsets": offsets, "itemsize": value.point_step}
+    )
     shape, strides = (value.height, value.width), (value.row_step, value.point_step)
-    points = np.ndarray(shape, np.dtype(layout), memoryview(bytes(value.data)), strides=strides).reshape(-1)
+    points = np.ndarray(shape, layout, memoryview(bytes(value.data)), strides=strides).reshape(-1)
     return _parts_of_columns(name, places, points.__getitem__)
 
 

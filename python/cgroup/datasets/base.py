@@ -255,7 +255,8 @@ def mixed_names(dataset: Dataset) -> list[tuple[str, str]]:
         Names of the pairs that give the source and the target, always in the same order.
     """
     subjects = {name: dataset.subject_of(name) for name in dataset.pair_names()}
-    return [pair for pair in itertools.product(subjects, repeat=2) if subjects[pair[0]] != subjects[pair[1]]]
+    pairs = itertools.product(subjects, subjects)
+    return [(one, other) for one, other in pairs if subjects[one] != subjects[other]]
 
 
 def mix(first: MatchingPair, second: MatchingPair) -> UnrelatedPair:

@@ -66,7 +66,7 @@ class Claim:
 
 
 _FUNCTIONS = {**vars(table), **vars(numbers), **vars(checks), "log": math.log}
-_NAMES = {name: Source(*parts) for name, parts in _DEFINITIONS["sources"].items()}
+_NAMES: dict[str, Any] = {name: Source(*parts) for name, parts in _DEFINITIONS["sources"].items()}
 _NAMES["ALL_SIX"] = named(*COMBINATIONS)
 
 
