@@ -1,10 +1,11 @@
 //! Parses files of point clouds, and tables of numbers, from bytes to arrays.
 
-use cgroup::cloud_formats::{PARSERS, table};
+use cgroup::cloud_formats::{PARSERS, lzf, table};
 use cgroup::{Error, Execution};
 use numpy::{Element, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::pybacked::PyBackedBytes;
+use pyo3::types::PyBytes;
 
 use crate::convert::choose;
 use crate::run::{RunOptions, run, run_inline};
@@ -50,6 +51,18 @@ pub fn parse_table(
     let found = parse_with(py, content, &run_options, table::parse)?;
     let rows = found.numbers.len() / found.columns.max(1);
     PyArray1::from_vec(py, found.numbers).reshape([rows, found.columns])
+}
+
+/// Decompresses the LZF of PCD into `size` bytes.
+#[pyfunction]
+pub fn decompress_lzf(
+    py: Python<'_>,
+    content: PyBackedBytes,
+    size: usize,
+    run_options: RunOptions,
+) -> PyResult<Bound<'_, PyBytes>> {
+    let plain = run(py, &run_options, move |execution| lzf::decompress(&content, size, execution))?;
+    Ok(PyBytes::new(py, &plain))
 }
 
 /// Parses on another thread, unless handing over takes longer than parsing.

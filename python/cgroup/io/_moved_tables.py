@@ -12,6 +12,8 @@ from typing import Any, BinaryIO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cgroup import _core
+from cgroup._checks.values import run_options
 from cgroup.errors import InputError
 from cgroup.io._motion import XYZ, Motion, Mover
 from cgroup.io._moved_texts import lines_of, move_rows, move_stl_text, point_blocks
@@ -228,36 +230,15 @@ def _unpack_pcd(source: BinaryIO, table: _Table, entries: dict[str, list[str]]) 
     check_growth("its points", size, packed)
     counts = entries.get("COUNT", ["1"] * len(entries["FIELDS"]))
     widths = [int(one) * int(count) for one, count in zip(entries["SIZE"], counts, strict=True)]
-    plain = np.frombuffer(_unpack_lzf(content, size), np.uint8)
-    if len(content) < packed or len(plain) != size or size != table.rows * sum(widths):
+    if len(content) < packed or size != table.rows * sum(widths):
         raise InputError(f"{len(content)} of {packed} bytes for {table.rows} points")
+    plain = np.frombuffer(_core.decompress_lzf(content, size, run_options(threads=1)), np.uint8)
     ends = np.cumsum(widths) * table.rows
     columns = [
         plain[end - width * table.rows : end].reshape(table.rows, width)
         for end, width in zip(ends, widths, strict=True)
     ]
     return np.concatenate(columns, axis=1).tobytes()
-
-
-def _unpack_lzf(packed: bytes, size: int) -> bytearray:
-    """Decompress LZF: runs of literals, and copies of earlier bytes."""
-    plain, at = bytearray(), 0
-    while at < len(packed) and len(plain) <= size:
-        control = packed[at]
-        at += 1
-        if control >> 5 == 0:
-            plain += packed[at : at + control + 1]
-            at += control + 1
-            continue
-        length = (control >> 5) + 2
-        if length == 9:
-            length += packed[at]
-            at += 1
-        start = len(plain) - ((control & 31) << 8 | packed[at]) - 1
-        at += 1
-        piece = plain[start : start + length] if start >= 0 else b""
-        plain += (piece * (length // max(len(piece), 1) + 1))[:length]
-    return plain
 
 
 def move_stl(motion: Motion, source: BinaryIO, out: BinaryIO) -> None:

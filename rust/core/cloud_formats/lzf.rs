@@ -15,7 +15,11 @@ const LONGEST: usize = 7 + 255 + 2;
 const CHECK_EVERY: usize = 1 << 14;
 
 /// Decompresses `packed` into `size` bytes.
-pub(super) fn decompress(packed: &[u8], size: usize, execution: &Execution) -> Result<Vec<u8>> {
+///
+/// # Errors
+/// [`Error::InvalidInput`] for bytes that are damaged, or that do not become `size` bytes; [`Error::Interrupted`],
+/// [`Error::OutOfMemory`].
+pub fn decompress(packed: &[u8], size: usize, execution: &Execution) -> Result<Vec<u8>> {
     if size.div_ceil(LONGEST) > packed.len() {
         let got = format!("{} bytes that are to become {size}", packed.len());
         return Err(Error::invalid("compressed data", got, "the size is too large for the data"));

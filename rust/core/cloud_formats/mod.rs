@@ -25,7 +25,7 @@ mod fans;
 pub mod kitti;
 pub mod las;
 mod lines;
-mod lzf;
+pub mod lzf;
 pub mod obj;
 pub mod off;
 pub mod pcd;
