@@ -36,6 +36,7 @@ PAIR = standin_pair(pixels=40)
 CLOUDS = PAIR.source, PAIR.target
 Page = Any
 Open = Callable[[str], Page]
+PATIENCE = 120_000  # milliseconds that a page may take to react, drawn without a graphics card
 
 SHARED_ROOM = """() => {
   const shown = [...document.querySelectorAll("button, input, select, summary")].filter((each) => each.checkVisibility());
@@ -98,6 +99,7 @@ def browser() -> Iterator[Any]:
 def loaded(browser: Any, pages: dict[str, Path]) -> Iterator[Callable[[str], tuple[Page, list[str]]]]:
     """Load each page once, which takes most of the time; return it with the errors in its console."""
     context = browser.new_context(viewport={"width": WIDTHS[1], "height": 360})
+    context.set_default_timeout(PATIENCE)
     context.grant_permissions(["clipboard-read", "clipboard-write"])
     seen: dict[str, tuple[Page, list[str]]] = {}
 
@@ -107,12 +109,16 @@ def loaded(browser: Any, pages: dict[str, Path]) -> Iterator[Callable[[str], tup
             page.on("console", lambda message: message.type == "error" and errors.append(message.text))
             page.on("pageerror", lambda error: errors.append(str(error)))
             page.goto(pages[name].as_uri())
-            if name != "report":
-                page.wait_for_selector("body[data-ready=yes]")
+            wait_until_ready(name, page)
         return seen[name]
 
     yield load
     context.close()
+
+
+def wait_until_ready(name: str, page: Page) -> None:
+    if name != "report":
+        page.wait_for_selector("body[data-ready=yes]")
 
 
 @pytest.fixture
@@ -129,6 +135,19 @@ def open_page(loaded: Callable[[str], tuple[Page, list[str]]]) -> Iterator[Open]
     assert [error for _, errors in opened for error in errors] == []
 
 
+@pytest.fixture
+def open_anew(open_page: Open) -> Open:
+    """Open a page as it is at first, whatever other tests have done to it."""
+
+    def open_it(name: str) -> Page:
+        page = open_page(name)
+        page.reload()
+        wait_until_ready(name, page)
+        return page
+
+    return open_it
+
+
 KINDS = ("registration", "assess", "comparison", "scene", "locate", "recognize", "report")
 
 
@@ -143,8 +162,8 @@ def trace(page: Page, number: int, path: str) -> Any:
     return page.evaluate(f"{CHART}.data[{number}].{path}")
 
 
-def test_a_registration_opens_joined_by_distance_without_lines(open_page: Open) -> None:
-    page = open_page("registration")
+def test_a_registration_opens_joined_by_distance_without_lines(open_anew: Open) -> None:
+    page = open_anew("registration")
     assert page.input_value("#place") == "100"
     assert page.input_value("#colors") == "distance"
     assert page.is_visible("#legend")
@@ -160,8 +179,8 @@ def test_a_registration_opens_joined_by_distance_without_lines(open_page: Open) 
     assert copied.split("\n") == number_lines(register(*CLOUDS).T_target_source)
 
 
-def test_a_comparison_shows_the_group_of_the_chosen_method(open_page: Open) -> None:
-    page = open_page("comparison")
+def test_a_comparison_shows_the_group_of_the_chosen_method(open_anew: Open) -> None:
+    page = open_anew("comparison")
     counts = set()
     for method in page.locator("input[name=method]").all():
         method.click()
@@ -173,8 +192,8 @@ def test_a_comparison_shows_the_group_of_the_chosen_method(open_page: Open) -> N
     assert page.input_value("#place") == "0"
 
 
-def test_an_edge_shows_its_two_scans(open_page: Open) -> None:
-    page = open_page("scene")
+def test_an_edge_shows_its_two_scans(open_anew: Open) -> None:
+    page = open_anew("scene")
     page.locator("tr[data-edge]").first.click()
     page.wait_for_function(f"{CHART}.data.filter((each) => each.visible !== false).length === 2")
     page.click("#play")
@@ -184,8 +203,8 @@ def test_an_edge_shows_its_two_scans(open_page: Open) -> None:
 
 
 @pytest.mark.parametrize("kind", ["locate", "recognize"])
-def test_placed_clouds_are_hidden_and_seen_near_and_from_a_side(open_page: Open, kind: str) -> None:
-    page = open_page(kind)
+def test_placed_clouds_are_hidden_and_seen_near_and_from_a_side(open_anew: Open, kind: str) -> None:
+    page = open_anew(kind)
     page.uncheck("[data-cloud='2']")
     page.wait_for_function(f"{CHART}.data[2].visible === false")
     whole, rows = page.evaluate(f"{CHART}.layout.scene.xaxis.range"), page.locator(".placed .bar")
