@@ -175,7 +175,9 @@ def test_stated_and_true_wrong_poses_are_beside_each_other():
 
     def stated(frame: pd.DataFrame) -> str:
         table = calibration_table(frame)
-        return table.rows[0][table.headers.index("wrong of unmirrored: true; stated")].text
+        return table.rows[0][
+            table.headers.index("wrong accepted, mirrored pairs left out: true; stated")
+        ].text
 
     assert stated(rows) == "10; 4 (1.1 to 10.2)"
     assert stated(rows.assign(ok=False)) == "-"

@@ -101,7 +101,7 @@ def call_hook(name: str, *arguments: Any) -> Any:  # noqa: ANN401 - types of the
     return getattr(importlib.import_module(module), function)(*arguments)
 
 
-def load_plugin(what: str, reference: str) -> Any:  # noqa: ANN401 - whatever the name stands for
+def load_plugin(what: str, reference: str) -> Any:  # noqa: ANN401 - the named object
     """Import the object of a reference; `what` is its kind in error messages, such as "data set"."""
     module_name, _, attribute = as_word(what, reference).partition(":")
     if not all(part.isidentifier() for part in module_name.split(".")):

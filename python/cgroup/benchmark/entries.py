@@ -15,7 +15,7 @@ from cgroup.errors import InputError
 from cgroup.evaluation.protocols import PROTOCOLS
 from cgroup.registry import METHODS, PAPER_METHODS, PRESETS
 
-# Names that stand for several methods: the nine of the paper, and all that exist
+# Names of several methods together: the nine of the paper, and all
 METHOD_SETS = {"paper": PAPER_METHODS, "all": tuple(METHODS)}
 FEWEST = 4  # generated problems with 1 to 3 correct matches are left out: these fix no pose
 

@@ -206,7 +206,7 @@ def detect(
 ) -> IndexArray:
     """Return the keypoints with enough neighbours for a descriptor.
 
-    Parameters are as for `describe`, as for `PaperFront` and as for `register`.
+    The cloud is as for `describe`, options of the front as for `PaperFront`, `threads` as for `register`.
 
     Returns
     -------
@@ -228,7 +228,7 @@ def surface_normals(
 ) -> FloatArray:
     """Return the normals that descriptors are computed from.
 
-    Parameters are as for `describe`, as for `PaperFront` and as for `register`.
+    The cloud is as for `describe`, options of the front as for `PaperFront`, `threads` as for `register`.
 
     Returns
     -------

@@ -93,7 +93,8 @@ def locate(
     clock.start("voxels")
     size = choose_thinning(given.whole.cloud, voxels=settings.SCAN_VOXELS, threads=threads)
     levels = place.level_at(size), place.level_at(size, finer=1)
-    best, source = _find(given, levels, search, around, as_threads(threads))
+    threads = as_threads(threads)
+    best, source = _find(given, levels, search, around, threads)
     if decoy:
         image = pairwise.Given("scan", *mirror_image(source.scan, source.viewpoint, direction))
         mirrored, _ = _find(image, levels, search, around, threads)

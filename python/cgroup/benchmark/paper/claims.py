@@ -77,7 +77,7 @@ def _read_claims() -> Iterator[Claim]:
 
 
 def _build(part: Any) -> Any:  # noqa: ANN401 - part of a check
-    """Return what a part of a check stands for: the result of a call, the value of a name, or itself."""
+    """Return the value of a part of a check: the result of a call, the value of a name, or itself."""
     if isinstance(part, str):
         return _NAMES.get(part, part)
     if not isinstance(part, list) or part[0] not in _FUNCTIONS:

@@ -106,7 +106,7 @@ def calibration_table(frame: pd.DataFrame) -> Table:
     columns = {
         "right accepted": lambda rows: share(rows[rows["right"]]["ok"]),
         "wrong accepted": lambda rows: share(rows[~rows["right"]]["ok"]),
-        "wrong of unmirrored: true; stated": stated,
+        "wrong accepted, mirrored pairs left out: true; stated": stated,
         "Brier score": lambda rows: number(float(((rows["right"] - rows["probability"]) ** 2).mean())),
         "calibration error": calibration,
         "NEES": lambda rows: number(float(nees(rows).mean()), "{:.1f}"),
