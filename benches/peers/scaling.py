@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
-from cgroup.benchmark.means import FITTED_FROM
 from cgroup.benchmark.solving import fit_exponent
+from cgroup.benchmark.tables import FITTED_FROM
 from peers.catalogue import COMMON_SHARE, PEERS
 
 if TYPE_CHECKING:

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
+from cgroup.benchmark.config import read_questions
 from cgroup.benchmark.paper.claims import CLAIMS, CRITERIA, read_explanations
-from cgroup.benchmark.readings import read_questions
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

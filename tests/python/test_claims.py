@@ -21,9 +21,8 @@ from cgroup.benchmark.paper.claims import (
     decide,
 )
 from cgroup.benchmark.paper.evidence import Evidence
-from cgroup.benchmark.paper.numbers import Numbers, Row, rank
+from cgroup.benchmark.paper.numbers import Numbers, Row, compare_rankings, correlate_with_levels, rank
 from cgroup.benchmark.paper.table import make_table
-from cgroup.benchmark.paper.words import compare_rankings, correlate_with_levels
 
 NO_TIMES = pd.DataFrame()
 NOTHING = make_table(Evidence(pd.DataFrame(), pd.DataFrame()))

@@ -4,8 +4,7 @@ from typing import Any
 
 import pytest
 
-from cgroup.benchmark.config import Config, parse_config, read_config
-from cgroup.benchmark.readings import apply_readings, read_questions
+from cgroup.benchmark.config import Config, apply_readings, parse_config, read_config, read_questions
 from cgroup.errors import InputError
 
 READINGS = {reading.name: reading for question in read_questions() for reading in question.readings}

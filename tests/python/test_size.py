@@ -14,7 +14,7 @@ FILES = sorted(PACKAGE.rglob("*.py"))
 
 MOST_LINES = {
     "": 34_200,
-    "benchmark/": 7_125,
+    "benchmark/": 6_615,
     "cli/": 3_640,
     "datasets/": 3_060,
     "evaluation/": 1_435,

@@ -9,12 +9,13 @@ import os
 import sqlite3
 from collections.abc import Generator, Iterable
 from contextlib import closing, contextmanager
-from dataclasses import astuple, fields, replace
+from dataclasses import astuple, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from cgroup._checks.values import as_path
 from cgroup._runtime.sqlite import Layout, is_empty, open_or_make
+from cgroup._runtime.toml import read_packaged
 from cgroup.benchmark.plan import Plan, PlannedSet
 from cgroup.benchmark.problem import Problem, Task
 from cgroup.benchmark.results import Matched, Pending, Result, pack
@@ -24,61 +25,8 @@ from cgroup.errors import InputError
 RECORDS = "records.sqlite"  # name of the file in a run's folder
 _LARGEST_INTEGER = 2**63 - 1
 
-_FIELDS = [field.name for field in fields(Problem)]
-_PROBLEM = ", ".join(f"p.{name}" for name in _FIELDS)
-
-_SCHEMA = f"""
-create table machines (id text primary key, cpu text, cores integer, system text, python text, numpy text);
-create table datasets (name text primary key, title text, role text, origin text, citation text);
-create table solvers (key text primary key, name text, options text, refined integer);
-create table problems (
-    key text primary key, {", ".join(_FIELDS).replace("level", "level real")}, origin text, protocols text
-);
-create table matches (problem text primary key references problems, n integer, content blob);
-create table results (
-    problem text references problems, solver text references solvers, threads integer, epsilons text,
-    time_limit real, seconds real, mask blob, pose blob, numbers text, skipped text, error text,
-    version text, machine text, created text, primary key (problem, solver, threads)
-) without rowid;
-
-create table plan (config text, missing text);
-create table plan_sets (
-    entry integer primary key, task text, id text, definition text, threads text, epsilons text,
-    time_limit real
-);
-create table plan_problems (entry integer, problem text, place integer, primary key (entry, problem));
-create table plan_solvers (
-    entry integer, solver text, label text, place integer, primary key (entry, solver)
-);
-create view wanted as
-    select problem, solver, t.value as threads, task, min(entry) as entry, min(p.place) as place,
-           min(s.place) as solver_place, min(label) as label, max(time_limit) as time_limit,
-           json_group_array(distinct e.value) as epsilons
-    from plan_sets join plan_problems p using (entry) join plan_solvers s using (entry)
-         join json_each(plan_sets.threads) t left join json_each(plan_sets.epsilons) e
-    group by problem, solver, t.value;
-"""
-
-RECORDS_LAYOUT = Layout(0x63677270, 1, _SCHEMA)  # its `application_id` is "cgrp"
-# Problems of experiments are sorted by pair, so that a worker loads it once.
-_PENDING = f"""
-select {_PROBLEM}, w.threads, w.entry, w.time_limit, w.epsilons, coalesce(r.epsilons, '[]'), w.solver
-from wanted w join problems p on p.key = w.problem left join results r using (problem, solver, threads)
-where w.task = ? and (
-    r.problem is null
-    -- Solvers that ran out of time are run again once the limit is raised.
-    or r.skipped <> '' and r.time_limit < w.time_limit
-    or exists (select value from json_each(w.epsilons) where value is not null
-               except select value from json_each(r.epsilons)))
-order by w.threads, case w.task when 'experiment' then 0 else w.entry end,
-         case w.task when 'experiment' then p.dataset || ' ' || p.pair else '' end,
-         w.place, w.problem, w.solver_place
-"""
-
-_COUNTS = """
-select task, count(r.problem), coalesce(sum(coalesce(r.error, '') <> ''), 0), count(*)
-from wanted left join results r using (problem, solver, threads) group by task
-"""
+# Its `application_id` is "cgrp".
+RECORDS_LAYOUT = Layout(0x63677270, 1, read_packaged("cgroup.benchmark", "sql/schema.sql"))
 
 
 class Counts(NamedTuple):
@@ -174,7 +122,7 @@ def read_plan(path: Path, column: str) -> Any:  # noqa: ANN401 - any JSON
 
 def count_results(connection: sqlite3.Connection) -> dict[str, Counts]:
     """Count done, failed and wanted results of each kind in the plan."""
-    rows = connection.execute(_COUNTS).fetchall()
+    rows = connection.execute(read_packaged("cgroup.benchmark", "sql/counts.sql")).fetchall()
     return {task: Counts(done - failed, failed, wanted) for task, done, failed, wanted in rows}
 
 
@@ -245,7 +193,8 @@ class Store:
             for key, name, options, refined in kept
         }
         found: dict[Pending, list[Solver]] = {}
-        for *values, threads, entry, limit, wanted, known, key in self.connection.execute(_PENDING, (task,)):
+        rows = self.connection.execute(read_packaged("cgroup.benchmark", "sql/pending.sql"), (task,))
+        for *values, threads, entry, limit, wanted, known, key in rows:
             epsilons = {each for each in (*json.loads(wanted), *json.loads(known)) if each is not None}
             problem = Problem(*values)
             problem = replace(problem, seed=int(problem.seed))

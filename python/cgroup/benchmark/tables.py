@@ -3,36 +3,29 @@
 import functools
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
 
 from cgroup._checks.values import as_path
-from cgroup.benchmark.means import add_scores, aggregate, exponents
+from cgroup._runtime.toml import read_packaged
 from cgroup.benchmark.problem import COMBINATIONS, Task
 from cgroup.benchmark.results import ERRORS, unpack
+from cgroup.benchmark.solving import fit_exponent
 from cgroup.benchmark.store import Counts, count_results, open_records
 from cgroup.datasets.generated_matches import GeneratedMatches, read_recipe
 from cgroup.errors import InputError
+from cgroup.evaluation.metrics import harmonic_mean, score_counts
 from cgroup.evaluation.protocols import PAPER_PROTOCOL, PROTOCOL_PREFIX, PROTOCOLS
 from cgroup.types import BoolArray, Correspondences, FloatArray
 
 __all__ = ["aggregate", "exponents", "load", "load_groups"]
 
-_ROWS = """
-select e.id as "set", e.definition, p.dataset, p.pair, p.origin, p.protocols, p.kind, p.other, p.nuisance,
-       p.level, p.matches, p.nms_radius, p.front, p.voxel, p.seed, l.label as method, s.name, s.refined,
-       r.threads, h.value as epsilon, r.seconds, r.pose, r.numbers, r.skipped, r.error, r.version, r.machine,
-       r.problem as "case", r.solver, l.place
-from plan_sets e join plan_problems q using (entry) join plan_solvers l using (entry)
-    join json_each(e.threads) t left join json_each(e.epsilons) h
-    join results r on r.problem = q.problem and r.solver = l.solver and r.threads = t.value
-    join problems p on p.key = q.problem join solvers s on s.key = l.solver
-where e.task = ?
-order by e.entry, l.place, """
+FITTED_FROM = 2000  # exponents are fitted to sets of at least this many matches
 _ORDERS = {"registration": "p.dataset, p.pair, p.kind, p.other"}
 _ORDER = "q.place, t.value"
 
@@ -86,39 +79,8 @@ def load(path: Path | str, kind: Task = "experiment") -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        One row per problem, solver, number of threads and threshold.
-
-        The problem: `dataset, pair, origin`, its hash `case`, and `set`; `kind`: "related", "mirrored" (its
-        target is), or "mixed" (with the target of the pair `other`); `nuisance, level, matches, nms_radius,
-        voxel, seed`; `front`: changes to the paper's front end as JSON. "" and NaN mean no value.
-
-        The solver: `method` (its label), `name, threads, seconds, machine, version`; `error`: "" or the
-        error, and then the numbers are NaN or 0; `skipped`: "" or why it wasn't run to its end.
-
-        Errors of a pose: `rotation_error` (degrees), `translation_error` (data unit) and `rmse_pr`, NaN
-        without a pose. `right, accurate`: whether they keep the set's limits, false for unrelated clouds.
-
-        "experiment" and "matches": `n, correct, inlier_ratio, resolution, pr, overlap, clutter, occlusion` of
-        the matches; `epsilon, selected, selected_correct, precision, recall, f_score, registered` of the
-        group; `posed, ok, complete`: what the method reports (`ok` is None if it reports nothing);
-        `best_...`: errors of the best of the `offered` poses, by the truth; `diagnostics` as JSON.
-
-        "experiment": sets are taken together, `experiments` is the tuple of their ids; `matches` is named
-        `combination`, with `detector, descriptor`; `translation_error_pr`; ``ok:<protocol>``: registered by
-        another criterion than the paper's, None where it doesn't apply.
-
-        "matches": `mebibytes`; `loose, strict, preset, whole` of the set; `scene, size, inliers, noise,
-        frames, number` of generated problems.
-
-        "registration": `column`: the set, with the side of `split_overlap`; `ok, probability` reported by the
-        pipeline, and `decoy`, the probability of its best pose of the mirrored source; `nees`: normalized
-        squared error by its covariance, 6 on average if it is correct; `stages`: dict of seconds, whose sum
-        is `seconds`.
-
-        "scenes": `dataset` names all places, `pair` the seed; `scans`; the counts and, as tuples, the errors
-        of `cgroup.evaluation.SceneScore`; `tried`: registered pairs of scans; `stages`.
-
-        "timing": `n`, and a row per `repeat`.
+        One row per problem, solver, number of threads and threshold. The documentation of the benchmark lists
+        the columns of each kind.
 
     Examples
     --------
@@ -147,7 +109,8 @@ def load(path: Path | str, kind: Task = "experiment") -> pd.DataFrame:
 
 def _load(path: Path, kind: Task) -> pd.DataFrame:
     """Read the rows of a kind, with columns for all measures and definitions of the sets."""
-    frame = _query(path, _ROWS + _ORDERS.get(kind, _ORDER), (kind,))
+    statement = read_packaged("cgroup.benchmark", "sql/results.sql") + _ORDERS.get(kind, _ORDER)
+    frame = _query(path, statement, (kind,))
     frame = frame.astype(dict.fromkeys(_FLOATS, float))
     parse = functools.lru_cache(maxsize=64)(json.loads)  # definitions repeat
     protocols, definitions, numbers = ([parse(text) for text in frame.pop(name)] for name in _TEXTS)
@@ -313,3 +276,103 @@ def load_groups(path: Path | str, case: str) -> tuple[Correspondences, FloatArra
     packed = ((label, np.frombuffer(mask, dtype=np.uint8)) for label, mask, _ in rows)
     masks = {label: np.unpackbits(bits, count=n).astype(bool) for label, bits in packed}
     return found.matches, found.truth, masks
+
+
+def add_scores(frame: pd.DataFrame) -> None:
+    """Add the columns that follow from the counts `n, correct, selected, selected_correct`."""
+    counts = (frame[name].astype("float64") for name in ("n", "correct", "selected", "selected_correct"))
+    for name, values in score_counts(*counts)._asdict().items():
+        frame[name] = values
+
+
+def aggregate(
+    frame: pd.DataFrame, by: Sequence[str], how: Literal["macro", "pooled", "median"] = "macro"
+) -> pd.DataFrame:
+    """Return means over pairs.
+
+    Parameters
+    ----------
+    frame : DataFrame
+        Experiments from `load`; rows with an error are left out.
+    by : sequence of str
+        Columns to group by.
+    how : {"macro", "pooled", "median"}
+        Mean or median over the pairs with equal weights, or the scores of all matches as one set.
+
+    Returns
+    -------
+    DataFrame
+        The columns of `by`, the number of `pairs`, `n`, `correct`, `inlier_ratio`, `precision, recall,
+        f_score`, `f_of_means` (of mean precision and recall), the shares `registered` and of each protocol
+        (of the pairs to which it applies), and `seconds`. Shares are means for every `how`.
+
+    Raises
+    ------
+    KeyError
+        For results without a required column.
+
+    Examples
+    --------
+    >>> from cgroup.benchmark.config import Config
+    >>> from cgroup.benchmark.run import run
+    >>> from cgroup.benchmark.tables import aggregate, load
+    >>> small = {"id": "small", "dataset": "generated-matches", "pairs": 2}
+    >>> config = Config(name="mine", methods=["gtm"], experiment=[small])
+    >>> _ = run(config, "results", backend="threading")
+    >>> means = aggregate(load("results"), ["method"])
+    >>> means[["method", "pairs"]].values.tolist()
+    [['gtm', 2]]
+    """
+    if how not in {"macro", "pooled", "median"}:
+        raise InputError(f"how: got {how!r}; choose 'macro', 'pooled' or 'median'")
+    protocols = [name for name in frame.columns if name.startswith(PROTOCOL_PREFIX)]
+    good = frame[frame["error"] == ""].astype(dict.fromkeys(["registered", *protocols], float))
+    groups = good.groupby(list(by), sort=True, dropna=False, observed=True)
+    scores = ["inlier_ratio", "precision", "recall", "f_score"]
+    result = groups[["n", "correct", *scores, "seconds"]].agg("median" if how == "median" else "mean")
+    if how == "pooled":
+        totals = groups[["n", "correct", "selected", "selected_correct"]].sum()
+        add_scores(totals)
+        result[scores] = totals[scores]
+    result["f_of_means"] = harmonic_mean(result["precision"], result["recall"])
+    result = result.join(groups[["registered", *protocols]].mean())
+    result.insert(0, "pairs", groups.size())
+    return result.reset_index()
+
+
+def exponents(timing: pd.DataFrame, *, threads: int = 1, least: int = FITTED_FROM) -> pd.DataFrame:
+    """Fit ``seconds ~ n^a`` to the median times of each method.
+
+    Parameters
+    ----------
+    timing : DataFrame
+        Times from `load`.
+    threads : int
+        Number of threads of the times.
+    least : int
+        Sets with fewer matches are left out.
+
+    Returns
+    -------
+    DataFrame
+        `method, exponent, sizes`: a, NaN for fewer than two sets, and the number of sets.
+
+    Raises
+    ------
+    KeyError
+        For times without a required column.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from cgroup.benchmark.tables import exponents
+    >>> times = {"method": "gtm", "n": [2000, 4000], "threads": 1}
+    >>> timing = pd.DataFrame({**times, "seconds": [0.1, 0.4]})
+    >>> exponents(timing).round(6).values.tolist()
+    [['gtm', 2.0, 2]]
+    """
+    kept = timing[(timing["threads"] == threads) & (timing["n"] >= least)]
+    of_sets = kept.groupby(["method", "n"])["seconds"].median()
+    medians = [(method, of_sets[method]) for method in kept["method"].unique()]
+    rows = [(method, fit_exponent(list(times.index), list(times)), len(times)) for method, times in medians]
+    return pd.DataFrame(rows, columns=["method", "exponent", "sizes"])

@@ -7,18 +7,12 @@ from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
-from cgroup.benchmark.paper.numbers import TIE, Numbers, Row
+from cgroup.benchmark.paper.numbers import TIE, Numbers, Row, join, join_names, name, show_score
 from cgroup.benchmark.paper.table import NotTestableError, Witness
-from cgroup.benchmark.paper.words import join, join_names, name, show_score
 
 Operator: TypeAlias = Literal[">", ">=", "<", "<="]
 
-_OPERATORS: dict[str, Callable[..., bool]] = {
-    ">": lambda value, bound: value > bound,
-    ">=": lambda value, bound: value >= bound - 1e-12,  # up to rounding
-    "<": lambda value, bound: value < bound,
-    "<=": lambda value, bound: value <= bound + 1e-12,
-}
+_ROUNDING = -1e-12  # least margin of numbers that are equal up to rounding
 _HOW_MANY = {1: "", 2: "two ", 3: "three ", 4: "four "}
 _NTH = {1: "best other", 2: "second of the others", 3: "third of the others"}
 
@@ -169,8 +163,9 @@ def compare(
     label: str, value: float, operator: Operator, limit: float, show: Callable[[float], str] = show_score
 ) -> Comparison:
     """Compare a number with a bound."""
-    margin = value - limit if operator[0] == ">" else limit - value
-    return Comparison(bool(_OPERATORS[operator](value, limit)), f"{label} {show(value)}", float(margin))
+    margin = float(value - limit if operator[0] == ">" else limit - value)
+    holds = margin > 0 if operator in {"<", ">"} else margin >= _ROUNDING
+    return Comparison(holds, f"{label} {show(value)}", margin)
 
 
 def expect_in_top(row: Row, method: str, k: int, numbers: Numbers) -> Comparison:

@@ -8,12 +8,13 @@ import numpy as np
 import pandas as pd
 
 from cgroup.benchmark import paper
-from cgroup.evaluation.bins import binned
+from cgroup.evaluation.bins import CLUTTER, OCCLUSION, OVERLAP, binned
 from cgroup.registry import PAPER_METHODS
 from cgroup.types import BoolArray, FloatArray
 
 Level: TypeAlias = "float | str"
 
+_BINS = {"clutter": CLUTTER, "occlusion": OCCLUSION, "overlap": OVERLAP}  # of measured columns
 _VARIED = {
     "level": "level of the nuisance",
     "nms_radius": "initial matches (mean number)",
@@ -182,8 +183,8 @@ def _make_own_sample(name: str, dataset: str, rows: pd.DataFrame) -> Sample:
 
 def _find_levels(rows: pd.DataFrame, experiment: paper.Experiment) -> pd.Series | FloatArray:
     """Return the value of the varied quantity for each record; NaN outside all levels."""
-    if experiment.bins is not None:
-        return binned(rows[experiment.column].to_numpy(), experiment.bins)
+    if experiment.column in _BINS:
+        return binned(rows[experiment.column].to_numpy(), _BINS[experiment.column])
     if experiment.column == "nms_radius":  # its level is the number of matches that a radius leaves
         radius = rows["nms_radius"].fillna(0.0)
         counts = rows.drop_duplicates(["pair", "nms_radius"])["n"]

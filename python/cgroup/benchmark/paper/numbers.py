@@ -6,29 +6,79 @@ numbers: of each row, such as `lead`, or one row from all, such as `change`.
 
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import pandas as pd
+from scipy import stats
 
-from cgroup.benchmark.paper import EXPERIMENTS, words
+from cgroup.benchmark.paper import EXPERIMENTS, LEVELS, QUANTITIES
 from cgroup.benchmark.paper.evidence import Level
 from cgroup.benchmark.paper.table import MATCHES, TIMING, NotTestableError, Pick, Source, Witness
 from cgroup.types import FloatArray
 
 TIE, TIME_TIE = 0.01, math.log(1.05)  # largest difference of a tie, of scores and of logarithms of times
-_WHAT = {
-    "precision": "P",
-    "recall": "R",
-    "f_score": "F",
-    "registered": "rate",
-    "selected": "size of the group",
-    "inlier_ratio": "mean inlier ratio",
-    "correct": "mean number of correct matches",
-}
 _ONE_LEVEL = "the records hold one level only"
+
+
+def correlate_with_levels(at: Iterable[float], values: Iterable[float]) -> float:
+    """Return Spearman's rank correlation of values with levels: 0 if constant, NaN under three levels."""
+    x, y = np.fromiter(at, dtype=np.float64), np.fromiter(values, dtype=np.float64)
+    known = ~np.isnan(y)
+    if known.sum() < 3:
+        return math.nan
+    if np.ptp(y[known]) == 0:
+        return 0.0
+    found: Any = stats.spearmanr(x[known], y[known])
+    return float(found.statistic)
+
+
+def compare_rankings(one: pd.Series, other: pd.Series) -> float:
+    """Return Kendall's tau-b of two rankings of the methods; 1 where all methods tie in both."""
+    if all((scores == scores.iloc[0]).all() for scores in (one, other)):
+        return 1.0
+    found: Any = stats.kendalltau(one, other)
+    return 0.0 if math.isnan(found.statistic) else float(found.statistic)
+
+
+def show_score(value: float) -> str:
+    """Write a score."""
+    return f"{value:.3f}" if abs(value) < 0.1 else f"{value:.2f}"
+
+
+def show_time(log_seconds: float) -> str:
+    """Write a time that is given by its logarithm."""
+    seconds = math.exp(log_seconds)
+    return f"{seconds:.3g} s" if seconds >= 1 else f"{1e3 * seconds:.3g} ms"
+
+
+def name_level(experiment: str, level: Level) -> str:
+    """Name a level of an experiment."""
+    text = level if isinstance(level, str) else f"{level:g}"
+    return LEVELS.get(experiment, (experiment + " {}", ""))[0].format(text)
+
+
+def name(method: str) -> str:
+    """Name a method as the paper does; other columns keep their name."""
+    return method if " " in method else method.upper()
+
+
+def join_names(methods: Iterable[str]) -> str:
+    """List the names of methods."""
+    return join(map(name, methods))
+
+
+def join(names: Iterable[str]) -> str:
+    """List names, each once."""
+    known = list(dict.fromkeys(names))
+    return " and ".join((", ".join(known[:-1]), known[-1])) if len(known) > 1 else "".join(known)
+
+
+def noun_of_levels(experiment: str) -> str:
+    """Return the noun for the levels of an experiment."""
+    return LEVELS.get(experiment, ("", f"level of {experiment}"))[1]
 
 
 class Row(NamedTuple):
@@ -47,7 +97,7 @@ class Numbers:
     where: str  # the rows in words
     find: Callable[[Witness, tuple[str, ...]], list[Row]]
     whose: str = "each method"  # the columns in words
-    show: Callable[[float], str] = words.show_score
+    show: Callable[[float], str] = show_score
     tie: float = TIE  # largest difference of a tie
     superlative: str = "best"  # word for the highest number
 
@@ -60,16 +110,16 @@ def levels(measure: str, *given: Source | Pick) -> Numbers:
     def find(witness: Witness, methods: tuple[str, ...]) -> list[Row]:
         tables = [(each, witness.read_levels(each, measure, methods)) for each in sources]
         return [
-            Row(words.name_level(source.experiment, level), table.loc[level], level)
+            Row(name_level(source.experiment, level), table.loc[level], level)
             for source, table in tables
             for level in (pick.choose(list(table.index)) if pick else table.index)
         ]
 
-    nouns = (words.noun_of_levels(each.experiment) for each in sources)
+    nouns = (noun_of_levels(each.experiment) for each in sources)
     picked = f" {pick.words}" if pick else ""
-    where = f"at each {' and each '.join(nouns)}{picked} on {words.join(source.place for source in sources)}"
+    where = f"at each {' and each '.join(nouns)}{picked} on {join(source.place for source in sources)}"
     whose = MATCHES if measure in {"inlier_ratio", "correct"} else "each method"
-    return Numbers(_WHAT[measure], where, find, whose)
+    return Numbers(QUANTITIES[measure], where, find, whose)
 
 
 def overall(measure: str, *sources: Source) -> Numbers:
@@ -81,9 +131,9 @@ def overall(measure: str, *sources: Source) -> Numbers:
             for each in sources
         ]
 
-    where = f"over all levels of {words.join(f'{each.experiment} ({each.place})' for each in sources)}"
-    show = "{:.0f}".format if measure == "selected" else words.show_score
-    return Numbers(_WHAT.get(measure, measure), where, find, show=show)
+    where = f"over all levels of {join(f'{each.experiment} ({each.place})' for each in sources)}"
+    show = "{:.0f}".format if measure == "selected" else show_score
+    return Numbers(QUANTITIES.get(measure, measure), where, find, show=show)
 
 
 def everywhere(measure: str, methods: Sequence[str], *needed: Source, without: str) -> Numbers:
@@ -95,15 +145,13 @@ def everywhere(measure: str, methods: Sequence[str], *needed: Source, without: s
         rows: list[Row] = []
         for experiment, place in witness.table.origins:
             if experiment in EXPERIMENTS and experiment != without:
-                table = witness.table.by_level((experiment, place), measure).reindex(columns=list(methods))
-                rows += [
-                    Row(f"{place}, {words.name_level(experiment, at)}", table.loc[at]) for at in table.index
-                ]
+                table = witness.table.levels[(experiment, place), measure].reindex(columns=list(methods))
+                rows += [Row(f"{place}, {name_level(experiment, at)}", table.loc[at]) for at in table.index]
         return rows
 
-    places = words.join(source.place for source in needed)
+    places = join(source.place for source in needed)
     where = f"at each level of each experiment but '{without}'; needs '{needed[0].experiment}' on {places}"
-    return Numbers(_WHAT[measure], where, find)
+    return Numbers(QUANTITIES[measure], where, find)
 
 
 def times(superlative: Literal["longest", "shortest"], *, largest: int | None = None) -> Numbers:
@@ -121,7 +169,7 @@ def times(superlative: Literal["longest", "shortest"], *, largest: int | None = 
         "time",
         where,
         find,
-        show=lambda value: words.show_time(sign * value),
+        show=lambda value: show_time(sign * value),
         tie=TIME_TIE,
         superlative=superlative,
     )
@@ -142,10 +190,10 @@ def lead(methods: Sequence[str], numbers: Numbers, *, worst: bool = False) -> Nu
     def find_lead(scores: pd.Series) -> pd.Series:
         is_named = scores.index.isin(list(methods))
         ours = scores[is_named].min() if worst else scores[is_named].mean()
-        return pd.Series({words.join_names(methods): ours - scores[~is_named].max()})
+        return pd.Series({join_names(methods): ours - scores[~is_named].max()})
 
     which = "the lowest of " if worst else "the mean of " if len(methods) > 1 else ""
-    whose = f"{which}{words.join_names(methods)} over the best other"
+    whose = f"{which}{join_names(methods)} over the best other"
     return _of_each(numbers, f"lead in {numbers.what}", find_lead, whose)
 
 
@@ -154,8 +202,8 @@ def behind(method: str, numbers: Numbers) -> Numbers:
     return _of_each(
         numbers,
         f"deficit in {numbers.what}",
-        lambda scores: pd.Series({words.name(method): scores.drop(method).min() - scores[method]}),
-        f"{words.name(method)} behind the next worst",
+        lambda scores: pd.Series({name(method): scores.drop(method).min() - scores[method]}),
+        f"{name(method)} behind the next worst",
     )
 
 
@@ -167,7 +215,7 @@ def beside_median(numbers: Numbers) -> Numbers:
 
 def distance(one: str, other: str, numbers: Numbers) -> Numbers:
     """Absolute difference of two methods."""
-    both = words.join_names((one, other))
+    both = join_names((one, other))
     what, methods = f"difference in {numbers.what}", (one, other)
     return _of_each(
         numbers, what, lambda scores: pd.Series({both: abs(scores[one] - scores[other])}), both, methods
@@ -210,39 +258,13 @@ def mean_of(numbers: Numbers, *, skipna: bool = True) -> Numbers:
     return _over(numbers, numbers.what, combine, mean=True)
 
 
-def lowest(numbers: Numbers) -> Numbers:
-    """Lowest number over all rows."""
-    return _over(numbers, f"lowest {numbers.what}", _each_method(lambda _, values: float(np.nanmin(values))))
-
-
-def spread(numbers: Numbers) -> Numbers:
-    """Difference of the highest and the lowest number over all rows."""
-    return _over(
-        numbers, f"range of the {numbers.what}", _each_method(lambda _, values: float(np.ptp(values)))
-    )
-
-
-def swing(numbers: Numbers) -> Numbers:
-    """Smaller one of the largest rise and the largest fall between neighbouring rows."""
-    what = f"the smaller of the largest rise and fall between neighbours of {numbers.what}"
-    of_all = replace(numbers, find=lambda witness, _: numbers.find(witness, ()))
-    smaller = _each_method(lambda _, values: float(min(np.diff(values).max(), -np.diff(values).min())))
-    return _over(of_all, what, smaller, least=3)
-
-
-def growth(numbers: Numbers) -> Numbers:
-    """Spearman's rank correlation of each method's numbers with the level."""
-    found = _each_method(lambda at, values: words.correlate_with_levels(map(float, at), values))
-    return _over(numbers, f"Spearman correlation of {numbers.what} and level", found, least=3)
-
-
 def stability(numbers: Numbers, *, mean: bool = False) -> Numbers:
     """Kendall's τ between the rankings of neighbouring rows; or its mean over any two rows."""
 
     def find(witness: Witness, methods: tuple[str, ...]) -> list[Row]:
         rows = _need_rows(numbers.find(witness, methods), 2)
         pairs = list(itertools.combinations(rows, 2) if mean else itertools.pairwise(rows))
-        taus = [words.compare_rankings(one.scores, other.scores) for one, other in pairs]
+        taus = [compare_rankings(one.scores, other.scores) for one, other in pairs]
         if mean:
             return [Row("any two", pd.Series({"any two": sum(taus) / len(taus)}))]
         labels = [f"{one.label} and {other.label}" for one, other in pairs]
@@ -257,10 +279,10 @@ def count_orders(methods: Sequence[str], numbers: Numbers) -> Numbers:
 
     def combine(rows: list[Row]) -> tuple[str, pd.Series]:
         orders = {tuple(row.scores[list(methods)].sort_values().index) for row in rows}
-        return "all", pd.Series({words.join_names(methods): float(len(orders))})
+        return "all", pd.Series({join_names(methods): float(len(orders))})
 
     found = _over(numbers, f"orders by {numbers.what}", combine)
-    return replace(found, whose=words.join_names(methods), show="{:.0f}".format)
+    return replace(found, whose=join_names(methods), show="{:.0f}".format)
 
 
 def over_others(wanted: Sequence[str], numbers: Numbers) -> Numbers:
@@ -316,13 +338,35 @@ def _need_rows(rows: list[Row], least: int) -> list[Row]:
 
 
 def _each_method(
-    reduce: Callable[[list[Level], FloatArray], float],
-) -> Callable[[list[Row]], tuple[str, pd.Series]]:
-    """Reduce the levels, and the numbers of each method over all rows."""
+    what: str, reduce: Callable[[list[Level], FloatArray], float], *, least: int = 1, every: bool = False
+) -> Callable[[Numbers], Numbers]:
+    """Return a function that derives one row: for each method, from the levels and its numbers over all rows.
+
+    `every`: all methods of the paper must be there.
+    """
 
     def combine(rows: list[Row]) -> tuple[str, pd.Series]:
         at, table = [row.level for row in rows], pd.DataFrame([row.scores for row in rows])
         found = {method: reduce(at, values.to_numpy(dtype=np.float64)) for method, values in table.items()}
         return f"{rows[0].label} to {rows[-1].label}", pd.Series(found)
 
-    return combine
+    def derive(numbers: Numbers) -> Numbers:
+        given = replace(numbers, find=lambda witness, _: numbers.find(witness, ())) if every else numbers
+        return _over(given, what.format(numbers.what), combine, least=least)
+
+    return derive
+
+
+lowest = _each_method("lowest {}", lambda _, values: float(np.nanmin(values)))
+spread = _each_method("range of the {}", lambda _, values: float(np.ptp(values)))
+swing = _each_method(
+    "the smaller of the largest rise and fall between neighbours of {}",
+    lambda _, values: float(min(np.diff(values).max(), -np.diff(values).min())),
+    least=3,
+    every=True,
+)
+growth = _each_method(
+    "Spearman correlation of {} and level",
+    lambda at, values: correlate_with_levels(map(float, at), values),
+    least=3,
+)

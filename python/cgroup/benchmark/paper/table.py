@@ -1,13 +1,12 @@
-"""The table for the checks of claims: means by experiment, place, level, method and measure.
+"""Means for the checks of claims, by experiment, place, measure, level and method.
 
 `at`, `named` and `nearest` pick some of the levels of an experiment.
 """
 
 import operator as operators
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, TypeAlias
 
 import pandas as pd
 
@@ -16,15 +15,12 @@ from cgroup.benchmark.paper.evidence import Evidence, Level, Sample, mean_times
 from cgroup.benchmark.problem import COMBINATIONS
 from cgroup.benchmark.tables import exponents
 from cgroup.registry import PAPER_METHODS
-from cgroup.types import IndexArray
 
-COLUMNS = ("experiment", "place", "level", "method", "measure", "value")
-
-ALL = "all"  # level of a mean over all levels
 # Method of measures that don't depend on the method: `inlier_ratio` and `correct`
 MATCHES = "the initial matches"
 TIMING = "timing"  # experiment of the measures `seconds` and `exponent`; its level is n, its place empty
 _SCORES = ("precision", "recall", "f_score", "registered", "selected")
+Key: TypeAlias = tuple[tuple[str, str], str]  # experiment and place, and measure
 
 
 class NotTestableError(Exception):
@@ -49,29 +45,14 @@ class Origin(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ClaimTable:
-    """Means, one row per value with the columns `COLUMNS`, and their data by experiment and place."""
+    """Means by experiment, place and measure, and their data by experiment and place.
 
-    values: pd.DataFrame
-    origins: dict[tuple[str, str], Origin]
+    `levels` have a row per level and a column per method; `overall` are over all levels, by method.
+    """
 
-    def by_level(self, key: tuple[str, str], measure: str) -> pd.DataFrame:
-        """Return a measure of an experiment and place: one row per level, one column per method."""
-        found = self._read(key, measure)
-        found = found[found["level"] != ALL].dropna(subset="value")
-        table = found.pivot(index="level", columns="method", values="value")  # noqa: PD010 - unique
-        return table.infer_objects()
-
-    def overall(self, key: tuple[str, str], measure: str) -> pd.Series:
-        """Return the means of a measure over all levels, by method."""
-        found = self._read(key, measure)
-        return found[found["level"] == ALL].set_index("method")["value"]
-
-    def _read(self, key: tuple[str, str], measure: str) -> pd.DataFrame:
-        return self.values.iloc[self._places.get((*key, measure), [])]
-
-    @cached_property
-    def _places(self) -> dict[tuple[str, ...], IndexArray]:
-        return self.values.groupby(["experiment", "place", "measure"], sort=False).indices
+    levels: dict[Key, pd.DataFrame] = field(default_factory=dict)
+    overall: dict[Key, pd.Series] = field(default_factory=dict)
+    origins: dict[tuple[str, str], Origin] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,11 +84,11 @@ class Witness:
 
     def read_levels(self, source: Source, measure: str, methods: tuple[str, ...] = ()) -> pd.DataFrame:
         """Return one row per level and one column per method."""
-        return self.table.by_level(self.find(source, methods), measure)
+        return self.table.levels[self.find(source, methods), measure]
 
     def read_overall(self, source: Source, measure: str, methods: tuple[str, ...] = ()) -> pd.Series:
         """Return the means over all levels, by method."""
-        found = self.table.overall(self.find(source, methods), measure)
+        found = self.table.overall[self.find(source, methods), measure]
         missing = [each for each in methods if each not in found.index]
         if missing:
             message = f"no {measure} of {', '.join(name.upper() for name in missing)}: too few records"
@@ -121,32 +102,25 @@ class Witness:
 
 def make_table(evidence: Evidence) -> ClaimTable:
     """Compute all means that the claims compare."""
-    parts = [pd.DataFrame(columns=list(COLUMNS))]
-    origins: dict[tuple[str, str], Origin] = {}
+    table = ClaimTable()
     chained = (evidence.same_cases(place, CHAINED) for place in VARIANTS.places)
     for sample in (*evidence.samples(every_method=False), *filter(None, chained)):
-        experiment, place = sample.experiment.id, sample.place
-        generated = (sample.dataset,) if sample.is_generated else ()
-        origins[experiment, place] = Origin(
-            tuple(sorted(sample.rows["method"].unique())), sample.description, generated
-        )
-        parts += [part.assign(experiment=experiment, place=place) for part in _measure(sample)]
+        _add_sample(table, sample)
     timing = evidence.timing
     times = mean_times(timing[timing["method"].isin(PAPER_METHODS)]) if len(timing) else timing
     if len(times):
         generated = tuple(name for name in timing["dataset"].unique() if name.startswith(GENERATED))
-        origins[TIMING, ""] = Origin(tuple(times.columns), "timing experiment", generated)
-        seconds = times.rename_axis(index="level").reset_index().melt("level", value_name="seconds")
-        fitted = exponents(timing).dropna(subset="exponent").assign(level=ALL)
-        parts += [
-            _melt(each).assign(experiment=TIMING, place="")
-            for each in (seconds, fitted[["level", "method", "exponent"]])
-        ]
-    return ClaimTable(pd.concat([part for part in parts if len(part)] or parts, ignore_index=True), origins)
+        table.origins[TIMING, ""] = Origin(tuple(times.columns), "timing experiment", generated)
+        table.levels[(TIMING, ""), "seconds"] = times
+        table.overall[(TIMING, ""), "exponent"] = exponents(timing).set_index("method")["exponent"].dropna()
+    return table
 
 
-def _measure(sample: Sample) -> Iterator[pd.DataFrame]:
-    """Yield rows of the long table."""
+def _add_sample(table: ClaimTable, sample: Sample) -> None:
+    key = sample.experiment.id, sample.place
+    methods = tuple(sorted(sample.rows["method"].unique()))
+    generated = (sample.dataset,) if sample.is_generated else ()
+    table.origins[key] = Origin(methods, sample.description, generated)
     precision, registered = sample.rows["precision"], sample.rows["registered"].astype(bool)
     shares = {
         "pairs with P > 0.5": precision > 0.5,
@@ -154,19 +128,18 @@ def _measure(sample: Sample) -> Iterator[pd.DataFrame]:
         "registered pairs with P > 0.5": (precision > 0.5).astype(float).where(registered),
         "failed pairs with P <= 0.05": (precision <= 0.05 + 1e-12).astype(float).where(~registered),
     }
-    keys = sample.rows[["method"]].assign(level=sample.rows["x"])
-    numbers = pd.concat([keys, sample.rows[list(_SCORES)].assign(**shares).astype(float)], axis="columns")
-    yield _melt(numbers.groupby(["level", "method"]).mean().reset_index())
-    yield _melt(numbers.drop(columns="level").groupby("method").mean().reset_index().assign(level=ALL))
-    steps = sample.smallest_steps("precision").rename("smallest step of P")
-    yield _melt(steps.reset_index().assign(level=ALL))
-    matches = pd.DataFrame({name: sample.matches(name) for name in ("inlier_ratio", "correct")})
-    yield _melt(matches.rename_axis("level").reset_index().assign(method=MATCHES))
-
-
-def _melt(means: pd.DataFrame) -> pd.DataFrame:
-    """Return one row per level, method and measure."""
-    return means.astype({"level": object}).melt(["level", "method"], var_name="measure")
+    numbers = sample.rows[list(_SCORES)].assign(**shares).astype(float)
+    method, level = sample.rows["method"], sample.rows["x"].rename("level")
+    by_level = numbers.groupby([level, method]).mean().unstack("method")  # noqa: PD010 - of means
+    overall = numbers.groupby(method).mean()
+    overall["smallest step of P"] = sample.smallest_steps("precision")
+    for measure in numbers:
+        known = by_level[measure].dropna(how="all").dropna(axis="columns", how="all")
+        table.levels[key, str(measure)] = known
+    for name in ("inlier_ratio", "correct"):
+        table.levels[key, name] = sample.matches(name).dropna().rename(MATCHES).to_frame()
+    for measure, means in overall.items():
+        table.overall[key, str(measure)] = means
 
 
 _SIDES = {

@@ -28,23 +28,15 @@ _MATCHES = {
     "all": MethodStyle("all", style.QUIET_TEXT, "s", "square"),
     "correct": MethodStyle("correct", style.CORRECT, "o", "circle"),
 }
-_BLUES = ("#0B3C8C", "#1F77B4", "#6BAED6", "#9ECAE1")
-_GREENS = ("#00682F", "#2CA25F", "#66C2A4", "#99D8C9")
-_REDS = ("#B2182B", "#E6550D", "#FDAE6B")
-_PURPLES = ("#6A1B9A", "#BA68C8")
-_FAMILIES = {
-    "cgroup": _BLUES,
-    "cgroup-paper": _BLUES,
-    "cgroup-matches": _GREENS,
-    "open3d-ransac": _REDS,
-    "open3d-fgr": _REDS,
-    "kiss-matcher": _PURPLES,
-    "register-all": _BLUES,
-    "open3d-multiway": _REDS,
-    "kiss-matcher-gnc": _PURPLES,
+_SHADES = {
+    ("cgroup", "cgroup-paper", "register-all"): ("#0B3C8C", "#1F77B4", "#6BAED6", "#9ECAE1"),
+    ("cgroup-matches",): ("#00682F", "#2CA25F", "#66C2A4", "#99D8C9"),
+    ("open3d-ransac", "open3d-fgr", "open3d-multiway"): ("#B2182B", "#E6550D", "#FDAE6B"),
+    ("kiss-matcher", "kiss-matcher-gnc"): ("#6A1B9A", "#BA68C8"),
 }
 """Shades of each kind of pipeline; others are drawn as methods from outside are."""
 
+_FAMILIES = {name: shades for names, shades in _SHADES.items() for name in names}
 _MARKERS = "osD^v<>PXhpd"
 _STEPS = 100  # of a distribution
 

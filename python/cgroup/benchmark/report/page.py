@@ -4,7 +4,6 @@ import re
 from collections import defaultdict
 from collections.abc import Callable, Iterable
 from datetime import datetime, timezone
-from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple, get_args
 
@@ -15,6 +14,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 import cgroup
 from cgroup._checks.values import as_path
 from cgroup._runtime.progress import ignore_progress
+from cgroup._runtime.toml import read_packaged
 from cgroup.benchmark import tables
 from cgroup.benchmark.paper import EXPERIMENTS
 from cgroup.benchmark.paper.claims import CRITERIA, Verdict, as_markdown, check_evidence, count_verdicts
@@ -32,10 +32,12 @@ from cgroup.benchmark.report.sections import (
 )
 from cgroup.benchmark.report.trials import make_trial_sections, overview_table
 from cgroup.benchmark.store import read_plan
+from cgroup.evaluation.bins import LEAST_PAIRS
 from cgroup.io import write_file
 from cgroup.io.result_folders import Results, make_folder
 from cgroup.io.transforms import format_log
 from cgroup.pages.page import page_html, write_page
+from cgroup.plots.style import method_style
 from cgroup.types import FloatArray
 
 REPORT, CLAIMS, FIGURES, POSES = "report.html", "claims.md", "figures", "poses"
@@ -114,8 +116,9 @@ def _write(out: Path, data: ReportData, begin: Callable[[str], Any]) -> None:
     standings = make_standings(frame)
     shown = verdicts if any(verdict.verdict != "not testable" for verdict in verdicts) else []
     body = _render(data, shown, standings=standings, **_make_parts(data, evidence, figures))
-    style = _read_part("report.css")
-    script = "".join(map(_read_part, ("tables.js", "charts.js", *(["claims.js"] if shown else []))))
+    style = read_packaged("cgroup.benchmark.report", "templates/report.css")
+    scripts = ("tables.js", "charts.js", *(["claims.js"] if shown else []))
+    script = "".join(read_packaged("cgroup.benchmark.report", f"templates/{name}") for name in scripts)
     page = page_html(f"cgroup benchmark: {data.config['name']}", body, css=style, script=script)
     write_page(out / REPORT, page)
 
@@ -161,14 +164,11 @@ def _render(data: ReportData, verdicts: list[Verdict], **parts: Any) -> str:  # 
         counts=count_verdicts(verdicts),
         criteria=CRITERIA.strip(),
         titles=EXPERIMENTS,
+        least_pairs=LEAST_PAIRS,
+        label_of=lambda method: method_style(method).label,
         headings=_HEADING.findall,
         **parts,
     )
-
-
-def _read_part(name: str) -> str:
-    parts = resources.files("cgroup.benchmark.report").joinpath("templates")
-    return parts.joinpath(name).read_text(encoding="utf-8")
 
 
 def _count_totals(data: ReportData) -> dict[str, int]:

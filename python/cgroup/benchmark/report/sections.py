@@ -14,7 +14,7 @@ from cgroup.benchmark.paper.numbers import TIE
 from cgroup.benchmark.report import curves
 from cgroup.benchmark.report.cells import MISSING, Cell, Table, method_cell, milliseconds, number, words
 from cgroup.benchmark.report.charts import FigureFiles, PageChart, Section
-from cgroup.benchmark.stats import GENERATED, LEVEL, Overall, Standing, rank_overall
+from cgroup.benchmark.stats import Overall, Standing, rank_overall
 from cgroup.evaluation.bins import LEAST_PAIRS
 from cgroup.evaluation.protocols import PROTOCOL_PREFIX
 from cgroup.plots.charts import Chart
@@ -171,48 +171,17 @@ def _mark_best(scores: pd.Series, method: str) -> Cell:
     return cell._replace(best=bool(scores[method] >= scores.max() - TIE))
 
 
-def make_standings(frame: pd.DataFrame) -> list[Section]:
+def make_standings(frame: pd.DataFrame) -> list[tuple[Overall, Table]]:
     """Rank methods on the experiments at the paper's threshold, without cases that failed for all."""
     if frame.empty:
         return []
     rows = frame[(frame["epsilon"] - PAPER_EPSILON).abs() < 1e-9]
     rows = rows[rows["case"].isin(rows.loc[rows["error"] == "", "case"])]
-    return [
-        Section(f"{overall.kind} pairs".capitalize(), [_rank(overall)], label=_describe_ranking(overall))
-        for overall in rank_overall(rows, tuple(_MEASURES))
-    ]
-
-
-def _describe_ranking(overall: Overall) -> str:
-    """Return the number of pairs, and the kinds of intervals and tests, in sentences."""
-    count = sum(overall.pairs.values())
-    data = ", ".join(f"{name} {pairs}" for name, pairs in overall.pairs.items())
-    parts = [f"Means over {count} pairs ({data}), each with the mean of its cases, {overall.cases:,} in all."]
-    if overall.further_cases:
-        parts.append(f"{overall.further_cases:,} further cases were not run by all and are left out.")
-    if overall.kind == GENERATED:
-        parts.append("Results on generated shapes are a weak guide to real ones.")
-    if _has_intervals(overall):
-        parts += [
-            f"Bars are {100 * LEVEL:.0f} % intervals of the mean (bootstrap over pairs, by data set).",
-            "Bold: not significantly different from the first of the column at 5 %. p is of the difference",
-            "from the first, by paired tests on the same pairs (Wilcoxon's signed ranks; McNemar's where a",
-            "pair is registered or not), adjusted by Holm.",
-        ]
-    else:
-        parts.append(f"No intervals and tests, which need at least {LEAST_PAIRS} pairs.")
-    if overall.unranked:
-        names = ", ".join(f"{method_style(name).label} ({n})" for name, n in overall.unranked.items())
-        parts.append(f"Not ranked, because run on fewer than half of the cases: {names}.")
-    return " ".join(parts)
-
-
-def _has_intervals(overall: Overall) -> bool:
-    return overall.units >= LEAST_PAIRS
+    return [(overall, _rank(overall)) for overall in rank_overall(rows, tuple(_MEASURES))]
 
 
 def _rank(overall: Overall) -> Table:
-    certain = _has_intervals(overall)
+    certain = overall.units >= LEAST_PAIRS
     lines: list[tuple[Cell, ...]] = []
     for place, method in enumerate(overall.methods, start=1):
         cells = [cell for of in overall.standings.values() for cell in _show(of, method, certain=certain)]
