@@ -383,6 +383,56 @@ def test_ptx(tmp_path: Path) -> None:
     )
 
 
+def test_a_ptx_file_that_is_cut_off(tmp_path: Path) -> None:
+    lines = ["2", "2", "0 0 0", *("1 0 0", "0 1 0", "0 0 1"), *("1 0 0 0", "0 1 0 0", "0 0 1 0", "0 0 0 1")]
+    (tmp_path / "in.ptx").write_text("\n".join([*lines, "1 2 3 0.5", "1 2 3 0.5", "1 2 3 0.5"]))
+    with pytest.raises(InputError, match="1 points before that of a scan"):
+        transform_file(tmp_path / "in.ptx", np.eye(4), tmp_path / "out.ptx")
+    assert not (tmp_path / "out.ptx").exists()
+
+
+def test_list_elements_and_whole_numbers_of_ply(tmp_path: Path) -> None:
+    head = "ply\nformat ascii 1.0\nelement vertex 2\nproperty int x\nproperty int y\nproperty int z\n"
+    head += "element edge 1\nproperty list uchar int x\nproperty int y\nproperty int z\nend_header\n"
+    (tmp_path / "in.ply").write_text(f"{head}0 0 0\n1 2 3\n1 7 8 9\n")
+    notes = transform_file(tmp_path / "in.ply", make_pose(1), tmp_path / "out.ply")
+    assert len(notes) == 1
+    vertices, edges = (PlyData.read(tmp_path / "out.ply")[name].data for name in ("vertex", "edge"))
+    expected = apply(make_pose(1), np.array([[0.0, 0, 0], [1, 2, 3]]))
+    np.testing.assert_allclose(columns(vertices, *"xyz"), expected, rtol=1e-15, atol=1e-15)
+    assert (list(edges["x"][0]), edges["y"].tolist(), edges["z"].tolist()) == ([7], [8], [9])
+
+
+def test_normals_of_whole_numbers_stay_in_their_range(tmp_path: Path) -> None:
+    kind = np.dtype([(name, "f4") for name in "xyz"] + [(name, "i1") for name in ("nx", "ny", "nz")])
+    before = np.array([(0, 0, 0, 127, 127, 0), (1, 1, 1, 0, 0, 100)], kind)
+    PlyData([PlyElement.describe(before, "vertex")]).write(tmp_path / "in.ply")
+    quarter = np.eye(4)
+    quarter[:2, :2] = np.array([[1, -1], [1, 1]]) / np.sqrt(2)
+    transform_file(tmp_path / "in.ply", quarter, tmp_path / "out.ply")
+    after = PlyData.read(tmp_path / "out.ply")["vertex"].data
+    assert columns(after, "nx", "ny", "nz").tolist() == [[0, 127, 0], [0, 0, 100]]
+
+
+@pytest.mark.parametrize("header", ["time,x,y,z\n", '"time","X","Y","Z"\n'])
+def test_names_of_columns_count_where_rows_end_in_a_separator(tmp_path: Path, header: str) -> None:
+    (tmp_path / "in.csv").write_text(f"{header}0.5,1,2,3,\n")
+    pose = np.eye(4)
+    pose[:3, 3] = 10, 20, 30
+    assert transform_file(tmp_path / "in.csv", pose, tmp_path / "out.csv") == []
+    assert (tmp_path / "out.csv").read_text() == f"{header}0.5,11.0,22.0,33.0,\n"
+
+
+def test_a_gltf_file_without_its_buffer_leaves_no_output(tmp_path: Path) -> None:
+    (tmp_path / "in.gltf").write_text(
+        json.dumps({"asset": {"version": "2.0"}, "buffers": [{"uri": "lost.bin", "byteLength": 4}]})
+    )
+    (tmp_path / "out").mkdir()
+    with pytest.raises(InputError, match=r"in\.gltf: .*lost\.bin: no such file"):
+        transform_file(tmp_path / "in.gltf", np.eye(4), tmp_path / "out" / "in.gltf")
+    assert not [*(tmp_path / "out").iterdir()]
+
+
 def test_meshes(tmp_path: Path) -> None:
     pose, matrix = make_pose(5), make_pose(5) @ scaling(3.0)
     (tmp_path / "in.obj").write_text(

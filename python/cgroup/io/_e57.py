@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import struct
 from collections import Counter
-from typing import BinaryIO, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 from xml.etree import ElementTree as ET
 from xml.etree.ElementTree import Element
 
@@ -20,10 +19,9 @@ from cgroup.types import FloatArray
 from cgroup.types.point_cloud import PointCloud, join_clouds
 
 PAGE, USED = 1024, 1020  # bytes of a page, and of these before its checksum
-PAGES = 4096  # whose checksums are computed at a time
+_PAGES = 4096  # whose checksums are computed at a time
 _RECORDS = 1 << 20  # unpacked at a time
 _LONGEST_XML = 16 << 20
-_XML_PLACE = 24  # of its address and length in the header
 _DATA_PACKET = 1
 
 _CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
@@ -61,8 +59,9 @@ class _Field(NamedTuple):
 def parse_e57(content: bytes) -> PointCloud:
     """Return the points of all scans in the frame of the file."""
     with np.errstate(all="ignore"):  # numbers of files may be any
-        data = _checked_pages(content)
-        scans = [_Scan(data, entry) for entry in _children(_description(data, content), "data3D")]
+        pages = checked_pages(content)
+        data, root = pages[:, :USED].tobytes(), parse_xml(description(pages))
+        scans = [_Scan(data, entry) for entry in _children(root, "data3D")]
         scans = [scan for scan in scans if scan.count]
         check_growth("its points", 8 * sum(scan.count * len(scan.taken) for scan in scans), len(content))
         if sum(scan.length for scan in scans) > len(data):
@@ -72,63 +71,42 @@ def parse_e57(content: bytes) -> PointCloud:
 
 def unread_fields(file: BinaryIO) -> list[str]:
     """Return the names of the fields that `parse_e57` does not read; none for a damaged file."""
-    file.seek(_XML_PLACE)
-    address, length = struct.unpack("<QQ", file.read(16).ljust(16, b"\0"))
-    file.seek(min(address // PAGE * PAGE, file.seek(0, os.SEEK_END)))
-    pages = file.read(min(length, _LONGEST_XML) * PAGE // USED + 2 * PAGE)
     try:
-        root = parse_xml(used_bytes(pages)[address % PAGE :][:length])
-    except (InputError, ET.ParseError, UnicodeDecodeError):
+        content = np.memmap(file, np.uint8, "r")
+        root = parse_xml(description(content[: len(content) // PAGE * PAGE].reshape(-1, PAGE)))
+    except (ValueError, struct.error, ET.ParseError):
         return []
     scans = [_child(entry, "points") for entry in _children(root, "data3D")]
     names = [_name(leaf) for points in scans if points is not None for leaf in _children(points, "prototype")]
     return [name for name in dict.fromkeys(names) if name not in _TAKEN]
 
 
-def _checked_pages(content: bytes) -> bytes:
-    """Return the content of the pages; raise for a wrong checksum."""
-    length, _, _ = check_head(content, len(content))
-    for first in range(0, length // PAGE, PAGES):
-        check_pages(content[first * PAGE : min(first + PAGES, length // PAGE) * PAGE], first)
-    return used_bytes(content[:length])
-
-
-def check_head(content: bytes, size: int) -> tuple[int, int, int]:
-    """Return the length of a file by its header, and the address and length of its description."""
-    if content[:8] != b"ASTM-E57":
+def checked_pages(content: Any) -> NDArray[np.uint8]:  # noqa: ANN401 - bytes, or a file in memory
+    """Return the pages (n,1024) of a file; raise for a wrong checksum."""
+    if bytes(content[:8]) != b"ASTM-E57":
         raise InputError("doesn't begin with ASTM-E57")
-    major, _, length, address, described, page = struct.unpack_from("<IIQQQQ", content, 8)
+    major, _, length, page = struct.unpack_from("<IIQ16xQ", content, 8)
     if (major, page) != (1, PAGE):
         raise InputError(
             f"version {major} with pages of {page} bytes; version 1 with pages of {PAGE} is read"
         )
-    if length > size or length % PAGE:
-        raise InputError(f"{size} of {length} bytes")
-    if described > _LONGEST_XML:
-        raise InputError(f"a description of {described} bytes")
-    return length, address, described
-
-
-def check_pages(content: bytes, first: int) -> None:
-    """Raise for a wrong checksum in pages from a number on."""
-    block = np.frombuffer(content, np.uint8).reshape(-1, PAGE)
-    wrong = np.flatnonzero(_checksums(block[:, :USED]) != block[:, USED:].copy().view(">u4")[:, 0])
-    if len(wrong):
-        raise InputError(
-            f"page {first + wrong[0]} does not match its checksum: the file is damaged, copy it again"
-        )
-
-
-def used_bytes(pages: bytes) -> bytes:
-    """Return the content of pages without their checksums."""
-    return b"".join(pages[place : place + USED] for place in range(0, len(pages), PAGE))
+    if length > len(content) or length % PAGE:
+        raise InputError(f"{len(content)} of {length} bytes")
+    pages = np.frombuffer(content, np.uint8, length).reshape(-1, PAGE)
+    for first in range(0, len(pages), _PAGES):
+        block = pages[first : first + _PAGES]
+        wrong = np.flatnonzero(_checksums(block[:, :USED]) != block[:, USED:].copy().view(">u4")[:, 0])
+        if len(wrong):
+            raise InputError(
+                f"page {first + wrong[0]} does not match its checksum: the file is damaged, copy it again"
+            )
+    return pages
 
 
 def seal_pages(content: bytes) -> bytes:
-    """Return pages with their checksums."""
-    pages = np.frombuffer(content, np.uint8).reshape(-1, USED)
-    sums = _checksums(pages).astype(">u4")[:, None].view(np.uint8)
-    return np.concatenate([pages, sums], axis=1).tobytes()
+    """Return content as pages with their checksums."""
+    pages = np.frombuffer(content + bytes(-len(content) % USED), np.uint8).reshape(-1, USED)
+    return np.concatenate([pages, _checksums(pages).astype(">u4")[:, None].view(np.uint8)], axis=1).tobytes()
 
 
 def _checksums(pages: NDArray[np.uint8]) -> NDArray[np.uint32]:
@@ -154,25 +132,20 @@ def logical(address: int) -> int:
     return address // PAGE * USED + min(address % PAGE, USED)
 
 
-def _description(data: bytes, content: bytes) -> Element:
-    address, length = struct.unpack_from("<QQ", content, _XML_PLACE)
-    start = logical(address)
-    text = data[start : start + length]
+def description(pages: NDArray[np.uint8]) -> bytes:
+    """Return the XML of a file."""
+    address, length = struct.unpack_from("<24xQQ", pages)
+    part = pages[address // PAGE : address // PAGE + min(length, _LONGEST_XML) // USED + 2, :USED].tobytes()
+    text = part[address % PAGE :][:length]
     if len(text) < length or length > _LONGEST_XML:
         raise InputError(f"a description of {length} bytes")
-    return parse_xml(text)
+    return text
 
 
 def parse_xml(text: bytes) -> Element:
-    """Parse a description."""
-    return ET.fromstring(refuse_types(text).decode())  # noqa: S314 - of bounded size, and without entities
-
-
-def refuse_types(text: bytes) -> bytes:
-    """Return a description; raise if it has a document type."""
     if b"<!DOCTYPE" in text:  # entities could expand to any size
         raise InputError("its description has a document type, which E57 has not")
-    return text
+    return ET.fromstring(text.decode())  # noqa: S314 - of bounded size, and without entities
 
 
 def _name(entry: Element) -> str:

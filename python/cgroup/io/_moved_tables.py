@@ -1,13 +1,16 @@
-"""Move tables of points: PLY, PCD, binary STL and KITTI's scans."""
+"""Move tables of points: PLY, PCD, STL, KITTI's scans, and texts, whose other words stay as they are."""
 
 from __future__ import annotations
 
 import io
 import os
+import re
 import shutil
-from collections.abc import Iterator, Sequence
-from itertools import islice
-from typing import Any, BinaryIO, NamedTuple
+import struct
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
+from itertools import chain, islice
+from typing import Any, BinaryIO, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,30 +18,26 @@ from numpy.typing import NDArray
 from cgroup import _core
 from cgroup._checks.values import run_options
 from cgroup.errors import InputError
-from cgroup.io._motion import XYZ, Motion, Mover
-from cgroup.io._moved_texts import lines_of, move_rows, move_stl_text, point_blocks
-from cgroup.io.files import check_growth
+from cgroup.io._motion import CORNERS, NORMAL, XYZ, Motion
+from cgroup.io.files import check_growth, number_lines
 from cgroup.rigid import apply
 from cgroup.rigid.transforms import quaternions, turn
 
+_Header: TypeAlias = Callable[[Sequence[str]], bytes]  # by the names of fields that get double precision
+
 _CHUNK = 16 << 20  # bytes of records that are moved at a time
+_LINES = 1 << 11  # moved at a time
 _LONGEST_LINE = 1 << 20  # of a header
-_SIZES = {
-    "char": "i1",
-    "short": "i2",
-    "int": "i4",
-    "uchar": "u1",
-    "ushort": "u2",
-    "uint": "u4",
-    "float": "f4",
-    "double": "f8",
-    "float32": "f4",
-    "float64": "f8",
-    **{f"{sign}int{8 * size}": f"{sign or 'i'}{size}" for sign in ("", "u") for size in (1, 2, 4)},
+_COMMENTS = ("#", "//")
+_WORDS = ("char", "short", "int", "uchar", "ushort", "uint", "float", "double")
+_KINDS = ("i1", "i2", "i4", "u1", "u2", "u4", "f4", "f8")
+_SIZES = dict(zip(_WORDS, _KINDS, strict=True)) | {
+    f"{word}{8 * size}": f"{word[0]}{size}" for word in ("int", "uint", "float") for size in (1, 2, 4, 8)
 }
 _ORDERS = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
-_TRIANGLE = np.dtype([("rows", "<f4", (4, 3)), ("attributes", "<u2")])  # of STL: normal and corners
-_WIDENED = "x y z: written in double precision, as single precision has too few digits there"
+_TRIANGLE = dict.fromkeys([*NORMAL, *chain(*CORNERS)], "<f4") | {"attributes": "<u2"}  # of STL
+_WIDENED = "x y z: written in double precision, as their type has too few digits there"
+_KITTI = dict.fromkeys([*XYZ, "reflectance"], "<f4")
 
 
 class _Table(NamedTuple):
@@ -46,223 +45,163 @@ class _Table(NamedTuple):
 
     rows: int
     kinds: dict[str, str]
-    is_text: bool
+    is_text: bool = False
 
     @property
-    def is_fixed(self) -> bool:
-        """Whether all records are of one size."""
-        return not any(" " in kind for kind in self.kinds.values())
+    def names(self) -> set[str]:
+        """Names of the fields; none unless all records are of one size."""
+        return set() if any(" " in kind for kind in self.kinds.values()) else {*self.kinds}
 
-    def mover(self, motion: Motion) -> Mover:
-        return Mover(motion, self.kinds if self.is_fixed else ())
+    @property
+    def has_points(self) -> bool:
+        return {*XYZ} <= self.names
 
-    def needs_double(self, motion: Motion, source: BinaryIO) -> bool:
-        """Read the records, and return whether moved positions need wider numbers than they have."""
-        is_narrow = self.kinds.keys() >= {*XYZ} and any(self.kinds[axis][-2:] != "f8" for axis in XYZ)
-        if not is_narrow or not self.is_fixed:
-            with open(os.devnull, "wb") as nowhere:  # noqa: PTH123
-                self.copy(source, nowhere)
-            return False
+    def move(self, motion: Motion, source: BinaryIO, out: BinaryIO, wide: Sequence[str]) -> None:
+        """Move records by chunks, `wide` fields in double precision; copy those with lists."""
         if self.is_text:
-            columns = [[*self.kinds].index(axis) for axis in XYZ]
-            return motion.needs_double(point_blocks(islice(lines_of(source), self.rows), columns))
-        blocks = _records(source, np.dtype([*self.kinds.items()]), self.rows)
-        return motion.needs_double(np.stack([part[axis] for axis in XYZ], axis=1) for part in blocks)
-
-    def move(self, motion: Motion, source: BinaryIO, out: BinaryIO, *, is_wide: bool) -> None:
-        """Move records by chunks."""
-        if self.is_text:
-            move_rows(motion, islice(lines_of(source), self.rows), out, {"": [*self.kinds]})
-            return
-        kinds = {
-            name: f"{kind[0]}f8" if is_wide and name in XYZ else kind for name, kind in self.kinds.items()
-        }
-        written, mover = np.dtype([*kinds.items()]), self.mover(motion)
-        for records in _records(source, np.dtype([*self.kinds.items()]), self.rows):
-            moved = records.astype(written)
-            mover.move(moved)
-            out.write(moved.tobytes())
-
-    def copy(self, source: BinaryIO, out: Any) -> None:  # noqa: ANN401 - whatever has write
-        """Copy records."""
-        if self.is_text:
-            for line in islice(source, self.rows):
-                out.write(line)
-            return
-        if self.is_fixed:
-            for records in _records(source, np.dtype([*self.kinds.items()]), self.rows):
-                out.write(records.tobytes())
-            return
-        sizes = [[np.dtype(word) for word in kind.split()] for kind in self.kinds.values()]
-        for _ in range(self.rows):
-            for kind, *items in sizes:
-                first = _read(source, kind, 1)
-                out.write(
-                    first.tobytes() + b"".join(_read(source, one, int(first[0])).tobytes() for one in items)
-                )
+            layouts = {"": [*self.kinds]} if self.names else {}
+            move_rows(motion, islice(source, self.rows), out, layouts)
+        elif self.names:
+            kind = np.dtype([*self.kinds.items()])
+            written = [(name, f"{one[0]}f8" if name in wide else one) for name, one in self.kinds.items()]
+            names, most = motion.names(self.names), max(1, _CHUNK // kind.itemsize)
+            for first in range(0, self.rows, most):
+                block = _read(source, kind, min(most, self.rows - first)).astype(written)
+                for name, values in motion.move({name: block[name] for name in names}).items():
+                    block[name] = values
+                out.write(block.tobytes())
+        else:
+            lists = [[np.dtype(word) for word in kind.split()] for kind in self.kinds.values()]
+            for _ in range(self.rows if lists else 0):
+                for count, *items in lists:
+                    size = _read(source, count, 1)
+                    out.write(size.tobytes())
+                    out.writelines(_read(source, item, int(size[0])).tobytes() for item in items)
 
 
 def _read(source: BinaryIO, kind: np.dtype[Any], count: int) -> NDArray[Any]:
     content = source.read(count * kind.itemsize)
     if len(content) < count * kind.itemsize:
         raise InputError(f"the end of the file after {len(content) // kind.itemsize} of {count} records")
-    return np.frombuffer(content, kind).copy()
+    return np.frombuffer(content, kind)
 
 
-def _records(source: BinaryIO, kind: np.dtype[Any], count: int) -> Iterator[NDArray[Any]]:
-    most = max(1, _CHUNK // kind.itemsize)
-    return (_read(source, kind, min(most, count - first)) for first in range(0, count, most))
+def _move(motion: Motion, source: BinaryIO, out: BinaryIO, tables: Sequence[_Table], header: _Header) -> None:
+    """Move tables and copy the rest; begin anew in double precision if that is needed."""
+    kinds = {table.kinds[axis][1:] for table in tables if table.has_points for axis in XYZ} - {"f8"}
+    start = source.tell()
+    for wide in ((), XYZ):
+        source.seek(start)
+        out.seek(0)
+        out.write(header(wide))
+        for table in tables:
+            table.move(motion, source, out, wide if table.has_points else ())
+        if not kinds or (kinds == {"f4"} and not motion.needs_double()):
+            break
+        motion.notes.insert(0, _WIDENED)
+    shutil.copyfileobj(source, out, _CHUNK)
 
 
 def move_ply(motion: Motion, source: BinaryIO, out: BinaryIO) -> None:
     """Move all elements of fixed size that have positions, directions or splats."""
-    header, tables, lines = _ply_header(source)
-    movers = [table.mover(motion) for table in tables]
-    if not any({*XYZ} <= mover.names for mover in movers):
+    lines, tables, places = _ply_header(source)
+    if not any(table.has_points for table in tables):
         raise InputError("no element has x, y and z as plain numbers")
-    tables = tables[: max(at + 1 for at, mover in enumerate(movers) if mover.names)]
-    start, wide = source.tell(), [table.needs_double(motion, source) for table in tables]
-    source.seek(start)
-    for at in (at for at, is_wide in enumerate(wide) if is_wide):
-        motion.note(_WIDENED)
-        for row in (lines[at][axis] for axis in XYZ):
-            words = header[row].split()
-            header[row] = b" ".join([words[0], b"double", words[2]]) + b"\n"
-    out.write(b"".join(header))
-    for table, mover, is_wide in zip(tables, movers, wide, strict=False):
-        if mover.names:
-            table.move(motion, source, out, is_wide=is_wide)
-        else:
-            table.copy(source, out)
-    shutil.copyfileobj(source, out, _CHUNK)
+
+    def header(wide: Sequence[str]) -> bytes:
+        for (at, name), row in places.items():
+            if name in wide and tables[at].has_points:
+                lines[row] = b"property double " + lines[row].split()[-1] + b"\n"
+        return b"".join(lines)
+
+    last = max(at for at, table in enumerate(tables) if motion.names(table.names))
+    _move(motion, source, out, tables[: last + 1], header)
 
 
-def _ply_header(source: BinaryIO) -> tuple[list[bytes], list[_Table], list[dict[str, int]]]:
-    """Return the lines of a header, the elements, and the line of each property by name."""
-    header, order, tables, lines = list[bytes](), "", list[_Table](), list[dict[str, int]]()
-    while not header or header[-1].strip() != b"end_header":
-        header.append(source.readline(_LONGEST_LINE))
-        words = header[-1].decode("latin-1").split()
-        if not header[-1] or (len(header) == 1 and words != ["ply"]):
+def _ply_header(source: BinaryIO) -> tuple[list[bytes], list[_Table], dict[tuple[int, str], int]]:
+    """Return the lines of a header, the elements, and the line of each property by element and name."""
+    lines, order, tables, places = list[bytes](), "", list[_Table](), dict[tuple[int, str], int]()
+    while not lines or lines[-1].strip() != b"end_header":
+        lines.append(source.readline(_LONGEST_LINE))
+        words = lines[-1].decode("latin-1").split()
+        if not lines[-1] or (len(lines) == 1 and words != ["ply"]):
             raise InputError("no header of PLY")
         if words[:1] == ["format"]:
             order = _ORDERS[words[1]]
         elif words[:1] == ["element"]:
             tables.append(_Table(int(words[2]), {}, order == "="))
-            lines.append({})
         elif words[:1] == ["property"]:
-            types = words[2:4] if words[1] == "list" else words[1:2]
-            if lines[-1].setdefault(words[-1].lower(), len(header) - 1) != len(header) - 1:
-                raise InputError(f"two properties {words[-1]}")
-            tables[-1].kinds[words[-1].lower()] = " ".join(order + _SIZES[word] for word in types)
-    return header, tables, lines
+            types, name = words[2:4] if words[1] == "list" else words[1:2], words[-1].lower()
+            if places.setdefault((len(tables) - 1, name), len(lines) - 1) != len(lines) - 1:
+                raise InputError(f"two properties {name}")
+            tables[-1].kinds[name] = " ".join(order + _SIZES[word] for word in types)
+    return lines, tables, places
 
 
 def move_pcd(motion: Motion, source: BinaryIO, out: BinaryIO) -> None:
     """Move points, normals and the viewpoint; a compressed file becomes a binary one."""
-    header, entries, table = _pcd_header(source)
-    data = entries["DATA"][0]
-    if not table.kinds.keys() >= {*XYZ}:
-        raise InputError("no fields x, y and z")
-    if data == "binary_compressed":
-        source = io.BytesIO(_unpack_pcd(source, table, entries))
-        motion.note("compression: written as binary PCD")
-    start, is_wide = source.tell(), table.needs_double(motion, source)
-    source.seek(start)
-    if is_wide:
-        motion.note(_WIDENED)
-        fields = [name.lower() for name in entries["FIELDS"]]
-        for key, word in (("SIZE", "8"), ("TYPE", "F")):
-            entries[key] = [
-                word if name in XYZ else one for name, one in zip(fields, entries[key], strict=True)
-            ]
-    if "VIEWPOINT" in entries:
-        entries["VIEWPOINT"] = _move_viewpoint(motion, entries["VIEWPOINT"])
-    entries["DATA"] = ["ascii" if table.is_text else "binary"]
-    for line in header:
-        key = line.partition(" ")[0].strip()
-        words = entries.get(key)
-        out.write((line if words is None else " ".join([key, *words]) + "\n").encode("latin-1"))
-    table.move(motion, source, out, is_wide=is_wide)
-
-
-def _pcd_header(source: BinaryIO) -> tuple[list[str], dict[str, list[str]], _Table]:
-    """Return the lines of a header, their words by key, and the table of its fields."""
-    header, entries = list[str](), dict[str, list[str]]()
+    entries: dict[str, list[str]] = {}
     while "DATA" not in entries:
-        header.append(source.readline(_LONGEST_LINE).decode("latin-1"))
-        key, *words = header[-1].split() or [""]
-        entries["FIELDS" if key == "COLUMNS" else key] = words
-        if not header[-1]:
+        line = source.readline(_LONGEST_LINE).decode("latin-1")
+        if not line:
             raise InputError("no header of PCD")
-    fields = entries["FIELDS"]
-    counts = map(int, entries.get("COUNT", ["1"] * len(fields)))
+        key, *words = [line.strip()] if line.startswith("#") else line.split() or [""]
+        entries[key] = words
+    names = [name.lower() for name in entries.get("FIELDS", entries.get("COLUMNS", []))]
+    counts = [int(word) for word in entries.get("COUNT", ["1"] * len(names))]
+    table = _pcd_table(names, counts, entries)
+    if not table.has_points:
+        raise InputError("no fields x, y and z")
+    if entries["DATA"] == ["binary_compressed"]:
+        widths = [int(size) * count for size, count in zip(entries["SIZE"], counts, strict=True)]
+        source = _unpack_pcd(source, table.rows, widths)
+        entries["DATA"] = ["binary"]
+        motion.notes.append("compression: written as binary PCD")
+
+    def header(wide: Sequence[str]) -> bytes:
+        written = dict(entries)
+        for key, word in (("SIZE", "8"), ("TYPE", "F")):
+            words = zip(names, entries[key], strict=True)
+            written[key] = [word if name in wide else one for name, one in words]
+        if "VIEWPOINT" in entries:
+            written["VIEWPOINT"] = _move_viewpoint(motion, entries["VIEWPOINT"])
+        return "".join(f"{' '.join([key, *words])}\n" for key, words in written.items()).encode("latin-1")
+
+    _move(motion, source, out, [table], header)
+
+
+def _pcd_table(names: Sequence[str], counts: Sequence[int], entries: dict[str, list[str]]) -> _Table:
     kinds: dict[str, str] = {}
-    for name, size, kind, count in zip(fields, entries["SIZE"], entries["TYPE"], counts, strict=True):
+    for name, size, kind, count in zip(names, entries["SIZE"], entries["TYPE"], counts, strict=True):
         for k in range(count):
-            plain = name.lower() if count == 1 and name != "_" else f"{name} {k}"
-            unique = plain if plain not in kinds else f"{plain} {len(kinds)}"
+            unique = name if count == 1 and name not in kinds else f"{name} {k} {len(kinds)}"
             kinds[unique] = f"<{kind.lower()}{size}"
-    rows = (
-        int(entries["POINTS"][0])
-        if "POINTS" in entries
-        else int(entries["WIDTH"][0]) * int(entries["HEIGHT"][0])
-    )
-    return header, entries, _Table(rows, kinds, entries["DATA"] == ["ascii"])
+    rows = entries.get("POINTS") or [int(entries["WIDTH"][0]) * int(entries["HEIGHT"][0])]
+    return _Table(int(rows[0]), kinds, entries["DATA"] == ["ascii"])
+
+
+def _unpack_pcd(source: BinaryIO, rows: int, widths: Sequence[int]) -> BinaryIO:
+    """Return the records of compressed data, which has one field after the other."""
+    packed, size = struct.unpack("<II", source.read(8))
+    content = source.read(packed)
+    check_growth("its points", size, packed)
+    if len(content) < packed or size != rows * sum(widths):
+        raise InputError(f"{len(content)} of {packed} bytes for {rows} points")
+    plain = np.frombuffer(_core.decompress_lzf(content, size, run_options(threads=1)), np.uint8)
+    fields = zip(np.split(plain, rows * np.cumsum(widths)[:-1]), widths, strict=True)
+    return io.BytesIO(np.hstack([field.reshape(rows, width) for field, width in fields]).tobytes())
 
 
 def _move_viewpoint(motion: Motion, words: Sequence[str]) -> list[str]:
     """Return the viewpoint tx ty tz qw qx qy qz; the position 0 0 0, an unknown one, stays."""
     numbers = np.array([float(word) for word in words])
     if not numbers[:3].any():
-        motion.note("VIEWPOINT: not moved; 0 0 0 is an unknown position")
+        motion.notes.append("VIEWPOINT: not moved; 0 0 0 is an unknown position")
         return [*words]
-    x, y, z, w = np.roll(numbers[3:] / np.linalg.norm(numbers[3:]), -1)
+    w, x, y, z = numbers[3:] / np.linalg.norm(numbers[3:])
     turned = quaternions((motion.turning @ turn(x, y, z, w))[None])[0]
     place = apply(motion.matrix, numbers[None, :3])[0]
     return [repr(number) for number in [*place.tolist(), *np.roll(turned, 1).tolist()]]
-
-
-def _unpack_pcd(source: BinaryIO, table: _Table, entries: dict[str, list[str]]) -> bytes:
-    """Return the records of compressed data, which has one field after the other."""
-    packed, size = np.frombuffer(source.read(8), "<u4").tolist()
-    content = source.read(packed)
-    check_growth("its points", size, packed)
-    counts = entries.get("COUNT", ["1"] * len(entries["FIELDS"]))
-    widths = [int(one) * int(count) for one, count in zip(entries["SIZE"], counts, strict=True)]
-    if len(content) < packed or size != table.rows * sum(widths):
-        raise InputError(f"{len(content)} of {packed} bytes for {table.rows} points")
-    plain = np.frombuffer(_core.decompress_lzf(content, size, run_options(threads=1)), np.uint8)
-    ends = np.cumsum(widths) * table.rows
-    columns = [
-        plain[end - width * table.rows : end].reshape(table.rows, width)
-        for end, width in zip(ends, widths, strict=True)
-    ]
-    return np.concatenate(columns, axis=1).tobytes()
-
-
-def move_stl(motion: Motion, source: BinaryIO, out: BinaryIO) -> None:
-    """Move triangles and their normals."""
-    head = source.read(84)
-    count = int.from_bytes(head[80:84], "little")
-    if source.seek(0, os.SEEK_END) < 84 + 50 * count or len(head) < 84:
-        if not head.lstrip().lower().startswith(b"solid"):
-            raise InputError("neither binary nor ASCII")
-        source.seek(0)
-        move_stl_text(motion, source, out)
-        return
-    for is_first in (True, False):
-        source.seek(84)
-        blocks = _records(source, _TRIANGLE, count)
-        if is_first:
-            _refuse_double(motion, motion.needs_double(one["rows"][:, 1:].reshape(-1, 3) for one in blocks))
-            out.write(head)
-            continue
-        for records in blocks:
-            rows = records["rows"].astype(float)
-            records["rows"][:, 1:] = apply(motion.matrix, rows[:, 1:].reshape(-1, 3)).reshape(-1, 3, 3)
-            records["rows"][:, 0] = rows[:, 0] @ motion.turning.T
-            out.write(records.tobytes())
 
 
 def move_bin(motion: Motion, source: BinaryIO, out: BinaryIO) -> None:
@@ -270,16 +209,122 @@ def move_bin(motion: Motion, source: BinaryIO, out: BinaryIO) -> None:
     rows, left = divmod(source.seek(0, os.SEEK_END), 16)
     if left:
         raise InputError(f"{left} bytes after {rows} points of 16 bytes")
-    table = _Table(rows, dict.fromkeys((*XYZ, "reflectance"), "<f4"), is_text=False)
     source.seek(0)
-    _refuse_double(motion, table.needs_double(motion, source))
-    source.seek(0)
-    table.move(motion, source, out, is_wide=False)
+    _move(motion, source, out, [_Table(rows, _KITTI)], partial(_single, b""))
 
 
-def _refuse_double(motion: Motion, is_needed: bool) -> None:  # noqa: FBT001
-    if is_needed:
-        reach = float(np.abs(motion.matrix[:3, 3]).max())
-        raise InputError(
-            f"has single precision, too few digits for a move by {reach:.6g}; convert it to PLY first"
-        )
+def move_stl(motion: Motion, source: BinaryIO, out: BinaryIO) -> None:
+    """Move triangles and their normals."""
+    head, size = source.read(84), source.seek(0, os.SEEK_END)
+    count = int.from_bytes(head[80:], "little")
+    if len(head) == 84 and size >= 84 + 50 * count:
+        source.seek(84)
+        _move(motion, source, out, [_Table(count, _TRIANGLE)], partial(_single, head))
+    elif head.lstrip().lower().startswith(b"solid"):
+        source.seek(0)
+        move_rows(motion, source, out, {"vertex": XYZ, "facet": ["", *NORMAL]})
+    else:
+        raise InputError("neither binary nor ASCII")
+
+
+def _single(head: bytes, wide: Sequence[str]) -> bytes:
+    """Return the header of a format that has only single precision."""
+    if wide:
+        raise InputError("has single precision, too few digits so far away; convert it to PLY first")
+    return head
+
+
+def move_obj(motion: Motion, source: BinaryIO, out: BinaryIO) -> None:
+    """Move vertices and normals."""
+    move_rows(motion, source, out, {"v": XYZ, "vn": NORMAL})
+    source.seek(0)
+    for line in (line for line in source if line.startswith(b"mtllib")):
+        name = line[6:].decode("latin-1").strip()
+        motion.notes.append(f"{name}: not copied; materials are in separate files")
+
+
+def move_rows(
+    motion: Motion,
+    source: Iterable[bytes],
+    out: BinaryIO,
+    layouts: Mapping[str, Sequence[str]],
+    separator: str | None = None,
+) -> None:
+    """Move lines by the names of their columns: after a word that is a key of `layouts`, or all by ""."""
+    cut = re.compile(rf"(^|{separator}|\r?\n)" if separator else r"(^\s*|\s+)")
+    # A cut line is "", indent, word, separator, word, ... with words from the third entry on.
+    places = {
+        key: {name: 2 * columns.index(name) + (4 if key else 2) for name in motion.names(columns)}
+        for key, columns in layouts.items()
+    }
+    most = max((place // 2 + 1 for fields in places.values() for place in fields.values()), default=4)
+    lines = (line.decode("latin-1") for line in source)  # a character for each byte
+    while block := list(islice(lines, _LINES)):
+        rows = [cut.split(line, most) for line in block]
+        for key, fields in places.items():
+            chosen = [row for row in rows if (row[2] == key if key else _is_point(row))]
+            _move_words(motion, chosen, fields)
+        out.write("".join(map("".join, rows)).encode("latin-1"))
+
+
+def _is_point(row: list[str]) -> bool:
+    """Return whether a line has three words, and is no comment; after its end follows an empty word."""
+    return len(row) > (6 if row[-1] else 7) and not row[2].lstrip().startswith(_COMMENTS)
+
+
+def _move_words(motion: Motion, rows: list[list[str]], places: Mapping[str, int]) -> None:
+    numbers = np.array([_numbers(row, places.values()) for row in rows]).reshape(len(rows), len(places))
+    moved = motion.move(dict(zip(places, numbers.T, strict=True)))
+    for name, place in places.items():
+        for row, number in zip(rows, moved[name].tolist(), strict=True):
+            row[place] = repr(number)
+
+
+def _numbers(row: list[str], places: Iterable[int]) -> list[float]:
+    try:
+        return [float(row[place]) for place in places]
+    except (ValueError, IndexError) as error:
+        text = "".join(row).strip()[:60]
+        raise InputError(f"{text!r}: numbers with decimal points belong there") from error
+
+
+def move_text(motion: Motion, source: BinaryIO, out: BinaryIO, *, more: Sequence[str] = ()) -> None:
+    """Move a text of columns: named ones, or x y z and `more`."""
+    names, first, separator, is_sure = list[str](), b"", None, False
+    for line in source:
+        text = line.decode("latin-1").strip()
+        separator = next((each for each in ";,\t" if each in text), None)
+        words = [word.strip().strip('"').lower() for word in text.lstrip("#/ ").split(separator)]
+        if {*XYZ} <= {*words}:
+            names, is_sure = words, not text.startswith(_COMMENTS)
+        elif len(words) >= 3 and not text.startswith(_COMMENTS):
+            first, is_sure = line, is_sure or len(names) == len(words)
+            if not is_sure:
+                names = [*XYZ, *more]
+            if not is_sure and len(words) > len(names):
+                motion.notes.append("columns without names: not moved, except x y z")
+            break
+        out.write(line)
+    move_rows(motion, chain([first], source), out, {"": names or XYZ}, separator)
+
+
+def move_ptx(motion: Motion, source: BinaryIO, out: BinaryIO) -> None:
+    """Move the matrices of the scans, and the scanner; points stay in the frames of their scans."""
+    while head := list(islice(source, 10)):
+        rows = [[float(word) for word in line.split()] for line in head]
+        if [len(row) for row in rows] != [1, 1, 3, 3, 3, 3, 4, 4, 4, 4]:
+            raise InputError("a scan without its 10 lines of sizes, axes and matrix")
+        scanner, matrix = np.array(rows[2:6]), np.array(rows[6:])  # of row vectors
+        if np.allclose(scanner[0], matrix[3, :3]):
+            scanner = np.vstack([apply(motion.matrix, scanner[:1]), scanner[1:] @ motion.turning.T])
+        else:
+            motion.notes.append("the lines of the scanner's place: not moved; they are in another frame")
+        end = head[0][len(head[0].rstrip()) :]
+        lines = [*number_lines(scanner), *number_lines(matrix @ motion.matrix.T)]
+        out.writelines([*head[:2], *(line.encode() + end for line in lines)])
+        count = int(rows[0][0] * rows[1][0])
+        for row in range(count):
+            point = source.readline()
+            if not point:
+                raise InputError(f"the end of the file, {count - row} points before that of a scan")
+            out.write(point)

@@ -21,7 +21,7 @@ _WITHOUT_TIME, _WITH_NEAR_INFRARED, _WITH_WAVES = {0, 2}, {8, 10}, {4, 5, 9, 10}
 
 
 # Columns that are read if no line has names; those of PTS depend on their number
-_TEXTS = {".xyz": 3, ".asc": 3, ".txt": 3, ".csv": 3, ".xyzn": 6, ".xyzrgb": 6, ".pts": 3}
+TEXTS = {".xyz": 3, ".asc": 3, ".txt": 3, ".csv": 3, ".xyzn": 6, ".xyzrgb": 6, ".pts": 3}
 
 _COMMENTS, _LEAST_COLUMNS = ("#", "//"), 3
 
@@ -44,7 +44,7 @@ def unkept_attributes(path: str | os.PathLike[str]) -> list[str]:
     if fixed is not None:
         return fixed
     text = head.decode("latin-1")
-    if suffix in _TEXTS:
+    if suffix in TEXTS:
         fields = _unread_columns(text, suffix)
     if fields:
         return [escape(name) for name in fields][:_MOST_NAMED]
@@ -77,7 +77,7 @@ def _unread_columns(text: str, suffix: str) -> list[str]:
         return ["intensity"] if count in (4, 7) else []
     named = [_names_of(row) for row in comments]
     names = next((row for row in named if len(row) == count and _has_axes(row)), None)
-    return (names or [f"column {number}" for number in range(1, count + 1)])[_TEXTS[suffix] :]
+    return (names or [f"column {number}" for number in range(1, count + 1)])[TEXTS[suffix] :]
 
 
 def _has_axes(names: list[str]) -> bool:

@@ -26,6 +26,8 @@ from cgroup.errors import InputError
 from cgroup.features import DescribedCloud
 from cgroup.io._e57 import parse_e57
 from cgroup.io._gltf import parse_gltf
+from cgroup.io._motion import MOST_LOST
+from cgroup.io.attributes import TEXTS
 from cgroup.io.files import naming, parse_file, write_file, written_path
 from cgroup.io.numpy_files import load_npy, load_npz_points, npz_bytes, read_arrays, single_number
 from cgroup.types import AnyCloud, BoolArray, FloatArray, PointCloud
@@ -35,8 +37,6 @@ _DESCRIBED_FIELDS = tuple(field.name for field in fields(DescribedCloud))
 
 Real: TypeAlias = Literal["float64", "float32"]
 REALS: tuple[Real, ...] = ("float64", "float32")
-# Share of a cloud's size by which points may move where they are written in single precision
-_MOST_LOST = 1e-6
 
 # Suffixes of clouds that poses, matches and notes have as well: a folder's are not taken
 _OTHERS_TOO = {".csv", ".npy", ".npz", ".txt"}
@@ -122,7 +122,7 @@ def _check_digits(points: FloatArray) -> None:
     with np.errstate(over="ignore"):
         lost = float(np.abs(finite - finite.astype(np.float32)).max())
         size = float(np.linalg.norm(np.ptp(finite, axis=0)))
-    if lost > _MOST_LOST * size or np.isinf(lost):
+    if lost > MOST_LOST * size or np.isinf(lost):
         raise InputError(
             "dtype",
             f"float32, which moves points by up to {lost:.3g} in a cloud that is {size:.3g} across",
@@ -306,14 +306,6 @@ def _parse_in_core(suffix: str, content: bytes) -> PointCloud:
     return PointCloud(points, normals, faces, colors, viewpoint=viewpoint)
 
 
-def _parse_npy(content: bytes) -> PointCloud:
-    return _content_of(load_npy(content, records=True))
-
-
-def _parse_npz(content: bytes) -> PointCloud:
-    return _content_of(load_npz_points(content))
-
-
 def _content_of(array: NDArray[Any]) -> PointCloud:
     """Return the points of an array, or the points and normals of records."""
     parts = cloud_parts("array", array.reshape(-1)) if array.dtype.names else None
@@ -330,33 +322,16 @@ def _points(array: NDArray[Any]) -> FloatArray:
     return np.asarray(array, dtype=np.float64)
 
 
-_IN_CORE = [
-    "bin",
-    "csv",
-    "las",
-    "obj",
-    "off",
-    "pcd",
-    "ply",
-    "pts",
-    "ptx",
-    "stl",
-    "txt",
-    "vtk",
-    "xyz",
-    "xyzn",
-    "xyzrgb",
-]
-
+_IN_CORE = (*TEXTS, ".bin", ".las", ".obj", ".off", ".pcd", ".ply", ".ptx", ".stl", ".vtk")
 PARSERS: dict[str, Callable[[bytes], PointCloud]] = {
-    **{f".{name}": partial(_parse_in_core, name) for name in _IN_CORE},
+    **{suffix: partial(_parse_in_core, suffix[1:]) for suffix in _IN_CORE},
     ".asc": partial(_parse_in_core, "txt"),
     ".e57": parse_e57,
     ".glb": parse_gltf,
     ".gltf": parse_gltf,
     ".laz": partial(_parse_in_core, "las"),
-    ".npy": _parse_npy,
-    ".npz": _parse_npz,
+    ".npy": lambda content: _content_of(load_npy(content, records=True)),
+    ".npz": lambda content: _content_of(load_npz_points(content)),
 }
 """By the suffix of a file."""
 

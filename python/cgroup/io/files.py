@@ -30,7 +30,6 @@ from cgroup.types import FloatArray
 Result = TypeVar("Result")
 
 _CHUNK = 16 << 20  # bytes read at a time; a signal is heard in between
-_BUFFER = 1 << 20
 _TRUSTED = 64 << 20  # bytes that any file may grow to
 _MOST_GROWTH = 100  # times that a file may grow beyond; numbers that were measured grow a few times
 _MOST_DIGITS = 20  # of a whole number of 64 bits, with its sign
@@ -81,22 +80,22 @@ class _Run:
     # path and SHA-256 of each file that was read, by its device and number
     read: dict[tuple[int, int], tuple[str, str]] = field(default_factory=dict)
     swept: set[Path] = field(default_factory=set)  # folders where no process has left a part of a file
+    is_command: bool = False
 
 
 _run = _Run()
-_is_command = False
 
 
 @contextmanager
 def keeping_inputs() -> Generator[None]:
     """Raise if an output would replace a file that has been read, under any name."""
-    global _run, _is_command
-    before = _run, _is_command
-    _run, _is_command = _Run(), True
+    global _run  # noqa: PLW0603 - as long as the block runs
+    before = _run
+    _run = _Run(is_command=True)
     try:
         yield
     finally:
-        _run, _is_command = before
+        _run = before
 
 
 def digests_of_inputs() -> dict[str, str]:
@@ -113,8 +112,7 @@ def digest_of(path: str | os.PathLike[str]) -> str | None:
     """Return the SHA-256 of a regular file; None if it cannot be read."""
     digest = hashlib.sha256()
     try:
-        if _what_else(Path(path).stat()):
-            return None
+        _refuse_others(path, Path(path).stat())
         with Path(path).open("rb", buffering=0) as file:
             while chunk := file.read(_CHUNK):
                 digest.update(chunk)
@@ -182,51 +180,45 @@ def naming(path: Path) -> Generator[None]:
 def read_content(path: str | os.PathLike[str]) -> bytes:
     """Read a regular file that is not empty; reading a pipe or a device might never end."""
     path = as_path("path", path)
-    with open_input(path, buffering=0) as file:
+    with open_input(path) as file:
         status = os.fstat(file.fileno())
         content = io.BytesIO()  # gives its bytes away without a copy
-        try:
-            while chunk := file.read(min(_CHUNK, status.st_size - content.tell())):
-                content.write(chunk)
-        except OSError as error:
-            raise InputError(f"{path}: can't be read ({error.strerror or error})") from error
+        while chunk := file.read(min(_CHUNK, status.st_size - content.tell())):
+            content.write(chunk)
     found = content.getvalue()
-    if not found:
-        raise InputError(f"{path}: the file is empty")
     key = status.st_dev, status.st_ino
-    if _is_command and not _run.read[key][1]:
+    if _run.is_command and not _run.read[key][1]:
         _run.read[key] = str(path), hashlib.sha256(found).hexdigest()
     return found
 
 
-def open_input(path: Path, buffering: int = _BUFFER) -> BinaryIO:
-    """Open a regular file that is not empty, which the caller closes."""
+@contextmanager
+def open_input(path: Path) -> Generator[BinaryIO]:
+    """Open a regular file that is not empty."""
     try:
         # Opening a device can do something to it, so its kind is looked at before; and after, when it stays.
-        reason = _what_else(path.stat())
-        if not reason:
-            file = open(os.open(path, _FLAGS), "rb", buffering=buffering)  # noqa: PTH123, SIM115 - the flags
+        _refuse_others(path, path.stat())
+        with open(path, "rb", opener=lambda name, _: os.open(name, _FLAGS)) as file:
             status = os.fstat(file.fileno())
-            reason = _what_else(status) or (None if status.st_size else "the file is empty")
-            if not reason:
-                if _is_command:
-                    _run.read.setdefault((status.st_dev, status.st_ino), (str(path), ""))
-                return file
-            file.close()
-    except (FileNotFoundError, UnicodeEncodeError):
-        reason = "no such file"
+            _refuse_others(path, status)
+            if not status.st_size:
+                raise InputError(f"{path}: the file is empty")
+            if _run.is_command:
+                _run.read.setdefault((status.st_dev, status.st_ino), (str(path), ""))
+            yield file
+    except (FileNotFoundError, UnicodeEncodeError) as error:
+        raise InputError(f"{path}: no such file") from error
     except OSError as error:
-        reason = f"can't be read ({error.strerror or error})"
-    raise InputError(f"{path}: {reason}")
+        raise InputError(f"{path}: can't be read ({error.strerror or error})") from error
 
 
-def _what_else(status: os.stat_result) -> str | None:
-    """Return the kind of the object at a path that is not a file."""
+def _refuse_others(path: str | os.PathLike[str], status: os.stat_result) -> None:
+    """Raise for anything else than a regular file."""
     if stat.S_ISDIR(status.st_mode):
-        return "is a directory, not a file"
+        raise InputError(f"{path}: is a directory, not a file")
     if not stat.S_ISREG(status.st_mode):
-        return "is a pipe, a device or a socket, not a file; save what it yields as a file first"
-    return None
+        what = "a pipe, a device or a socket, not a file; save what it yields as a file first"
+        raise InputError(f"{path}: is {what}")
 
 
 def parse_file(path: Path, parse: Callable[[bytes], Result]) -> Result:
@@ -303,9 +295,8 @@ def replace_whole(path: Path, write: Callable[[BinaryIO], object]) -> None:
             write(file)
             file.flush()
             os.fsync(file.fileno())
-            digest = (digest_of(part) if listeners else None) or ""
             for tell in listeners:
-                tell(path, digest)
+                tell(path, digest_of(part) or "")
             if not _IS_WINDOWS:
                 part.replace(path)  # while it is locked
         if _IS_WINDOWS:

@@ -19,7 +19,6 @@ from cgroup.errors import InputError
 from cgroup.io.files import check_growth, parse_file, write_file
 
 _KINDS = "biuf"  # numbers and truth values; others are records, texts, dates or pickled objects
-_CHUNK = 16 << 20  # bytes unpacked at a time
 
 
 def write_array(path: Path, array: NDArray[Any], lines: Iterable[str]) -> None:
@@ -99,7 +98,7 @@ def _read_array(file: IO[bytes], size: int, kinds: str = _KINDS) -> NDArray[Any]
     readers = {(1, 0): npy_format.read_array_header_1_0, (2, 0): npy_format.read_array_header_2_0}
     if version not in readers:
         raise InputError(f"an array in version {version} of its format; numbers are written in 1.0 or 2.0")
-    shape, is_fortran, dtype = readers[version](file)
+    shape, _, dtype = readers[version](file)
     if dtype.kind not in kinds or dtype.hasobject or (dtype.kind == "V" and not dtype.names):
         raise InputError(f"an array of {dtype}; numbers belong there")
     if dtype.itemsize == 0:
@@ -107,15 +106,8 @@ def _read_array(file: IO[bytes], size: int, kinds: str = _KINDS) -> NDArray[Any]
     needed, rest = math.prod(shape) * dtype.itemsize, size - file.tell()
     if needed > rest or min(shape, default=0) < 0:
         raise InputError(f"an array of shape {shape} takes {needed} bytes, and {rest} are there")
-    flat = np.empty(math.prod(shape), dtype=dtype)
-    plain, start = flat.view(np.uint8), 0
-    while start < len(plain):
-        chunk = file.read(min(_CHUNK, len(plain) - start))
-        if not chunk:
-            raise InputError(f"the end of the file after {start} of {len(plain)} bytes")
-        plain[start : start + len(chunk)] = np.frombuffer(chunk, dtype=np.uint8)
-        start += len(chunk)
-    return flat.reshape(shape, order="F" if is_fortran else "C")
+    file.seek(0)
+    return npy_format.read_array(file, allow_pickle=False)
 
 
 def single_number(path: Path, value: ArrayLike) -> float:
