@@ -1,5 +1,5 @@
 from collections.abc import Sequence
-from typing import TypeAlias, TypedDict, final
+from typing import Any, TypeAlias, TypedDict, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +46,10 @@ _Description: TypeAlias = tuple[list[str], list[str], dict[str, _Option]]  # fie
 _CloudContent: TypeAlias = tuple[
     FloatArray, FloatArray | None, IndexArray | None, NDArray[np.uint8] | None, FloatArray | None
 ]  # points, normals, faces, colors, viewpoint
+
+_E57Field: TypeAlias = tuple[
+    str, int, int, int, float, float, tuple[float, float] | None
+]  # name, bytes of a float or 0, least, most, scale, offset, limits of a color
 
 _Resistance: TypeAlias = tuple[FloatArray, FloatArray | None]  # information, open_motion
 _Overlap: TypeAlias = tuple[float, float, _Resistance]  # fitness, inlier_rmse
@@ -104,6 +108,7 @@ __all__ = [
     "nearest_rows",
     "normals",
     "optimize_poses",
+    "page_checksums",
     "parse_cloud",
     "parse_table",
     "places",
@@ -121,6 +126,7 @@ __all__ = [
     "squared_errors",
     "suit_voxel",
     "toldi_lrf",
+    "unpack_e57",
     "verify",
     "voxel_downsample",
     "weigh",
@@ -245,6 +251,14 @@ class Cloud:
 
 def parse_cloud(content: bytes, suffix: str, run_options: RunOptions) -> _CloudContent: ...
 def decompress_lzf(content: bytes, size: int, run_options: RunOptions) -> bytes: ...
+def page_checksums(contents: bytes, run_options: RunOptions) -> NDArray[np.uint32]: ...
+def unpack_e57(
+    content: bytes,
+    section: tuple[int, int],
+    fields: Sequence[_E57Field | None],
+    count: int,
+    run_options: RunOptions,
+) -> list[NDArray[Any]]: ...
 def parse_table(content: bytes, run_options: RunOptions) -> FloatArray: ...
 def resolution(cloud: Cloud, run_options: RunOptions, ignore_zero: bool) -> float: ...
 def voxel_downsample(

@@ -1,6 +1,6 @@
 //! Parses files of point clouds, and tables of numbers, from bytes to arrays.
 
-use cgroup::cloud_formats::{PARSERS, lzf, table};
+use cgroup::cloud_formats::{PARSERS, e57, lzf, table};
 use cgroup::{Error, Execution};
 use numpy::{Element, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
@@ -21,6 +21,17 @@ type PyCloudContent<'py> = (
     Option<Bound<'py, PyArray2<u8>>>,
     Option<Bound<'py, PyArray1<f64>>>,
 );
+
+/// A field of E57: its name, bytes of a float or 0 for integers, their least and greatest, scale, offset; the
+/// limits of a colour.
+type PyField = (String, u8, i64, i64, f64, f64, Option<(f64, f64)>);
+
+/// Numbers of a field of E57, (N,).
+#[derive(IntoPyObject)]
+pub enum PyColumn<'py> {
+    Numbers(Bound<'py, PyArray1<f64>>),
+    Bytes(Bound<'py, PyArray1<u8>>),
+}
 
 /// Parses a file's content; `suffix` is the usual one of its format, without the dot.
 #[pyfunction]
@@ -63,6 +74,50 @@ pub fn decompress_lzf(
 ) -> PyResult<Bound<'_, PyBytes>> {
     let plain = run(py, &run_options, move |execution| lzf::decompress(&content, size, execution))?;
     Ok(PyBytes::new(py, &plain))
+}
+
+/// CRC-32C of each page of E57, whose contents of 1020 bytes are concatenated.
+#[pyfunction]
+pub fn page_checksums(
+    py: Python<'_>,
+    contents: PyBackedBytes,
+    run_options: RunOptions,
+) -> PyResult<Bound<'_, PyArray1<u32>>> {
+    Ok(PyArray1::from_vec(py, parse_with(py, contents, &run_options, e57::checksums)?))
+}
+
+/// Unpacks points of E57 from the packets between two bytes: a column of each field that is not None.
+#[pyfunction]
+pub fn unpack_e57<'py>(
+    py: Python<'py>,
+    content: PyBackedBytes,
+    section: (usize, usize),
+    fields: Vec<Option<PyField>>,
+    count: usize,
+    run_options: RunOptions,
+) -> PyResult<Vec<PyColumn<'py>>> {
+    let columns = run(py, &run_options, move |execution| {
+        let section = content.get(section.0..section.1).unwrap_or_default();
+        let fields: Vec<_> = fields.into_iter().map(|field| field.map(e57_field)).collect();
+        e57::unpack(section, &fields, count, execution)
+    })?;
+    Ok(columns.into_iter().map(|column| py_column(py, column)).collect())
+}
+
+fn e57_field((name, size, least, most, scale, offset, limits): PyField) -> e57::Field {
+    let encoding = match size {
+        0 => e57::Encoding::Integer { least, most, scale, offset },
+        4 => e57::Encoding::Single,
+        _ => e57::Encoding::Double,
+    };
+    e57::Field { name, encoding, limits }
+}
+
+fn py_column(py: Python<'_>, column: e57::Column) -> PyColumn<'_> {
+    match column {
+        e57::Column::Numbers(numbers) => PyColumn::Numbers(PyArray1::from_vec(py, numbers)),
+        e57::Column::Bytes(bytes) => PyColumn::Bytes(PyArray1::from_vec(py, bytes)),
+    }
 }
 
 /// Parses on another thread, unless handing over takes longer than parsing.

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import struct
 from collections import Counter
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, BinaryIO
 from xml.etree import ElementTree as ET
 from xml.etree.ElementTree import Element
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cgroup import _core
+from cgroup._checks.values import run_options
 from cgroup.errors import InputError
 from cgroup.io.files import check_growth
 from cgroup.io.transforms import from_quaternions
@@ -20,40 +22,14 @@ from cgroup.types.point_cloud import PointCloud, join_clouds
 
 PAGE, USED = 1024, 1020  # bytes of a page, and of these before its checksum
 _PAGES = 4096  # whose checksums are computed at a time
-_RECORDS = 1 << 20  # unpacked at a time
 _LONGEST_XML = 16 << 20
-_DATA_PACKET = 1
 
 _CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
 _SPHERICAL = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")
 _NORMAL = ("normalX", "normalY", "normalZ")  # of the extension for surface normals
 _COLOR = ("colorRed", "colorGreen", "colorBlue")
-_INVALID = ("cartesianInvalidState", "sphericalInvalidState")
-_TAKEN = {*_CARTESIAN, *_SPHERICAL, *_NORMAL, *_COLOR, *_INVALID}
-
-
-class _Field(NamedTuple):
-    entry: Element
-    kind: str
-    bits: int
-    least: int
-
-    def unpack(self, stream: bytes, count: int) -> FloatArray:
-        """Return the numbers of all records."""
-        if 8 * len(stream) < count * self.bits:
-            raise InputError(
-                f"{_name(self.entry)}: {len(stream)} bytes for {count} points of {self.bits} bits"
-            )
-        if self.kind == "Float":
-            return np.frombuffer(stream, f"<f{self.bits // 8}", count).astype(np.float64)
-        plain = np.frombuffer(stream + bytes(9), np.uint8)
-        values = np.empty(count)
-        for first in range(0, count, _RECORDS):
-            part = slice(first, min(first + _RECORDS, count))
-            values[part] = _integers(plain, part, self.bits, self.least)
-        if self.kind == "ScaledInteger":
-            values = values * float(self.entry.get("scale", 1)) + float(self.entry.get("offset", 0))
-        return values
+_INVALID = {_CARTESIAN: "cartesianInvalidState", _SPHERICAL: "sphericalInvalidState"}
+_TAKEN = {*_CARTESIAN, *_SPHERICAL, *_NORMAL, *_COLOR, *_INVALID.values()}
 
 
 def parse_e57(content: bytes) -> PointCloud:
@@ -95,7 +71,8 @@ def checked_pages(content: Any) -> NDArray[np.uint8]:  # noqa: ANN401 - bytes, o
     pages = np.frombuffer(content, np.uint8, length).reshape(-1, PAGE)
     for first in range(0, len(pages), _PAGES):
         block = pages[first : first + _PAGES]
-        wrong = np.flatnonzero(_checksums(block[:, :USED]) != block[:, USED:].copy().view(">u4")[:, 0])
+        sums = _checksums(block[:, :USED].tobytes())
+        wrong = np.flatnonzero(sums[:, None] != block[:, USED:].copy().view(">u4"))
         if len(wrong):
             raise InputError(
                 f"page {first + wrong[0]} does not match its checksum: the file is damaged, copy it again"
@@ -105,26 +82,13 @@ def checked_pages(content: Any) -> NDArray[np.uint8]:  # noqa: ANN401 - bytes, o
 
 def seal_pages(content: bytes) -> bytes:
     """Return content as pages with their checksums."""
-    pages = np.frombuffer(content + bytes(-len(content) % USED), np.uint8).reshape(-1, USED)
-    return np.concatenate([pages, _checksums(pages).astype(">u4")[:, None].view(np.uint8)], axis=1).tobytes()
+    content += bytes(-len(content) % USED)
+    sums = _checksums(content).astype(">u4")[:, None].view(np.uint8)
+    return np.hstack([np.frombuffer(content, np.uint8).reshape(-1, USED), sums]).tobytes()
 
 
-def _checksums(pages: NDArray[np.uint8]) -> NDArray[np.uint32]:
-    """CRC-32C of each row."""
-    sums = np.full(len(pages), 0xFFFFFFFF, np.uint32)
-    for column in np.ascontiguousarray(pages.T):
-        sums = _CRC[(sums ^ column) & 255] ^ (sums >> np.uint32(8))
-    return ~sums
-
-
-def _crc_table() -> NDArray[np.uint32]:
-    table = np.arange(256, dtype=np.uint32)
-    for _ in range(8):
-        table = np.where(table & 1, (table >> 1) ^ np.uint32(0x82F63B78), table >> 1)
-    return table
-
-
-_CRC = _crc_table()
+def _checksums(contents: bytes) -> NDArray[np.uint32]:
+    return _core.page_checksums(contents, run_options(threads=1))
 
 
 def logical(address: int) -> int:
@@ -172,13 +136,12 @@ class _Scan:
         points = _child(entry, "points")
         if points is None:
             raise InputError("a scan without points")
-        self._data, self._entry = data, entry
-        self._fields = [_field(leaf) for leaf in _children(points, "prototype")]
-        names = [_name(field.entry) for field in self._fields]
+        self._data, self._entry, self._leaves = data, entry, _children(points, "prototype")
+        names = [_name(leaf) for leaf in self._leaves]
         again = next((name for name, times in Counter(names).items() if times > 1), None)
         if again is not None:
             raise InputError(f"a scan with several fields {again}")
-        self.taken = {row: name for row, name in enumerate(names) if name in _TAKEN}
+        self.taken = [name for name in names if name in _TAKEN]
         self.count = int(points.get("recordCount", ""))
         if self.count == 0:  # nothing need be where its records would be
             return
@@ -192,19 +155,20 @@ class _Scan:
 
     def read(self) -> PointCloud:
         """Return the points that are valid, and NaN for the others."""
-        columns = self._columns()
-        points, names = _stack(columns, _CARTESIAN), "cartesian"
-        if points is None:
-            polar, names = _stack(columns, _SPHERICAL), "spherical"
-            if polar is None:
-                raise InputError(
-                    f"a scan of {', '.join(_name(field.entry) for field in self._fields)}; no points"
-                )
-            distance, azimuth, elevation = polar.T
+        names = next((names for names in _INVALID if {*names} <= {*self.taken}), None)
+        if names is None:
+            raise InputError(f"a scan of {', '.join(map(_name, self._leaves))}; no points")
+        fields = [self._field(leaf) if _name(leaf) in _TAKEN else None for leaf in self._leaves]
+        section, options = (self._packets, self._start + self.length), run_options(threads=1)
+        unpacked = _core.unpack_e57(self._data, section, fields, self.count, options)
+        columns = dict(zip(self.taken, unpacked, strict=True))
+        points = np.stack([columns[name] for name in names], axis=1)
+        if names == _SPHERICAL:
+            distance, azimuth, elevation = points.T
             across = distance * np.cos(elevation)
             directions = (across * np.cos(azimuth), across * np.sin(azimuth), distance * np.sin(elevation))
             points = np.stack(directions, axis=1)
-        invalid = columns.get(f"{names}InvalidState")
+        invalid = columns.get(_INVALID[names])
         if invalid is not None:
             points[invalid != 0] = np.nan
         normals, place = _stack(columns, _NORMAL), None
@@ -215,83 +179,30 @@ class _Scan:
             normals = None if normals is None else normals @ matrix[:3, :3].T
             # Where a writer knows no place, it is the origin.
             place = matrix[:3, 3] if matrix[:3, 3].any() else None
-        return PointCloud(points, normals, colors=self._colors(columns), viewpoint=place)
+        return PointCloud(points, normals, colors=_stack(columns, _COLOR), viewpoint=place)
 
-    def _columns(self) -> dict[str, FloatArray]:
-        """Return the numbers of the used fields, by name."""
-        streams = {row: bytearray() for row in self.taken}
-        place, end = self._packets, self._start + self.length
-        while place < end:
-            kind, last = struct.unpack_from("<BxH", self._data, place)
-            packet = memoryview(self._data)[place : min(place + last + 1, end)]
-            if len(packet) <= last or len(packet) % 4:
-                raise InputError(f"a packet of {last + 1} bytes")
-            place += len(packet)
-            if kind == _DATA_PACKET:
-                _add(streams, packet, len(self._fields))
-        return {
-            name: self._fields[row].unpack(bytes(streams[row]), self.count)
-            for row, name in self.taken.items()
-        }
-
-    def _colors(self, columns: dict[str, FloatArray]) -> NDArray[np.uint8] | None:
-        """Return colours as bytes, by the declared limits of the scan or the fields."""
-        colors = _stack(columns, _COLOR)
-        if colors is None:
-            return None
-        limits = _child(self._entry, "colorLimits")
-        ranges: list[tuple[float, float]] = []
-        for name in _COLOR:
-            field = next(field for field in self._fields if _name(field.entry) == name)
-            if limits is not None:
-                ranges.append((_number(limits, f"{name}Minimum"), _number(limits, f"{name}Maximum")))
+    def _field(self, leaf: Element) -> tuple[str, int, int, int, float, float, tuple[float, float] | None]:
+        """Return how the core unpacks a field; colours by the limits of the scan or the field."""
+        name, kind, limits = _name(leaf), leaf.get("type", ""), None
+        if name in _COLOR:
+            declared = _child(self._entry, "colorLimits")
+            if declared is None:
+                limits = float(leaf.get("minimum", 0)), float(leaf.get("maximum", 255))
             else:
-                low, high = (float(field.entry.get(word, default)) for word, default in _BYTES)
-                ranges.append((low, high))
-        low, high = np.array(ranges).T
-        shares = (colors - low) / np.where(high > low, high - low, 1)
-        return np.rint(255 * np.clip(np.nan_to_num(shares), 0, 1)).astype(np.uint8)
+                limits = _number(declared, f"{name}Minimum"), _number(declared, f"{name}Maximum")
+        if kind == "Float":
+            return name, 4 if leaf.get("precision") == "single" else 8, 0, 0, 1.0, 0.0, limits
+        if kind not in {"Integer", "ScaledInteger"}:
+            return name, 0, 0, 0, 1.0, 0.0, limits
+        least, most = int(leaf.get("minimum", -(2**63))), int(leaf.get("maximum", 2**63 - 1))
+        if not -(2**63) <= least <= most < 2**63:
+            raise InputError(f"{name}: from {least} to {most}")
+        if kind == "Integer":
+            return name, 0, least, most, 1.0, 0.0, limits
+        return name, 0, least, most, float(leaf.get("scale", 1)), float(leaf.get("offset", 0)), limits
 
 
-_BYTES = (("minimum", "0"), ("maximum", "255"))
-
-
-def _field(entry: Element) -> _Field:
-    kind = entry.get("type", "")
-    if kind == "Float":
-        return _Field(entry, kind, 32 if entry.get("precision") == "single" else 64, 0)
-    if kind not in {"Integer", "ScaledInteger"}:
-        return _Field(entry, kind, 0, 0)
-    least, most = int(entry.get("minimum", -(2**63))), int(entry.get("maximum", 2**63 - 1))
-    bits = (most - least).bit_length()
-    if most < least or bits > 64:
-        raise InputError(f"{_name(entry)}: from {least} to {most}")
-    return _Field(entry, kind, bits, least)
-
-
-def _add(streams: dict[int, bytearray], packet: memoryview, fields: int) -> None:
-    """Append a packet's data to each stream."""
-    (count,) = struct.unpack_from("<4xH", packet)
-    lengths = np.frombuffer(packet, "<u2", count, offset=6)
-    ends = np.cumsum(lengths, dtype=np.int64) + 6 + 2 * count
-    if count != fields or (count and ends[-1] > len(packet)):
-        raise InputError(f"a packet of {len(packet)} bytes with {count} streams for {fields} fields")
-    for row in streams:
-        streams[row] += packet[ends[row] - lengths[row] : ends[row]]
-
-
-def _integers(plain: NDArray[np.uint8], records: slice, bits: int, least: int) -> NDArray[np.int64]:
-    """Return numbers of equal width in bits, from the lowest bit of the first byte."""
-    starts = np.arange(records.start, records.stop, dtype=np.int64) * bits
-    places, shifts = starts >> 3, (starts & 7).astype(np.uint64)
-    words = np.ndarray((len(plain) - 8,), "<u8", plain, strides=(1,))[places] >> shifts
-    if bits > 57:  # the last of them stand in a ninth byte
-        words |= plain[places + 8].astype(np.uint64) << (np.uint64(63) - shifts) << np.uint64(1)
-    words &= np.uint64(2**bits - 1)
-    return (words + np.uint64(least % 2**64)).view(np.int64)
-
-
-def _stack(columns: dict[str, FloatArray], names: tuple[str, ...]) -> FloatArray | None:
+def _stack(columns: dict[str, NDArray[Any]], names: tuple[str, ...]) -> NDArray[Any] | None:
     return np.stack([columns[name] for name in names], axis=1) if columns.keys() >= set(names) else None
 
 

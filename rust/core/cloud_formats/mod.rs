@@ -17,10 +17,12 @@
 //! | PTX: grids of scanners, with their poses | [`ptx::parse`] |
 //! | VTK, the legacy format: ASCII, binary | [`vtk::parse`] |
 //! | KITTI's scans: x y z reflectance in float32 | [`kitti::parse`] |
+//! | E57: only the points of a scan, from a description that the caller has parsed | [`e57::unpack`] |
 
 mod cloud_content;
 mod columns;
 mod commas;
+pub mod e57;
 mod fans;
 pub mod kitti;
 pub mod las;
