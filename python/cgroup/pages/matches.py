@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from cgroup._explain import explain_matches
 from cgroup._show.drawing import Drawing
-from cgroup.pages.page import chart_text, load_plotly, scale_html
-from cgroup.pages.stage import Cloud, Stage, cloud_traces, place_clouds, scene_layout, stage_page
+from cgroup.pages.page import chart_text, fill, load_plotly, scale_html, table_html
+from cgroup.pages.stage import Cloud, Stage, cloud_traces, coordinates, place_clouds, scene_layout
 from cgroup.plots import style
 from cgroup.plots.matches import spread
 from cgroup.plots.shading import choose_rows, color_range, distances, face_broadside
@@ -25,7 +25,7 @@ from cgroup.types import BoolArray, Correspondences, FloatArray, Grouping, Index
 
 MAX_POINTS = 20_000  # displayed points of a cloud; larger clouds are sampled at random
 MAX_LINES = 300  # lines of one kind in a figure
-_STOPS = np.array([0.0, 0.25, 0.5, 0.75, 1.0])  # of a line: where the mouse finds it
+_STOPS = np.array([0.0, 0.25, 0.5, 0.75, 1.0, np.nan])  # of a line: where the mouse finds it, and a gap
 _LINE = 60  # letters of a line of a hover text
 
 MAX_MATCHES = 800  # matches that a page holds; of more, an even part of the kept ones and of the others
@@ -81,13 +81,6 @@ def kinds_of(mask: BoolArray, correct: BoolArray | None) -> list[Kind]:
     ]
 
 
-def line_vertices(start: FloatArray, end: FloatArray) -> FloatArray:
-    """Return the vertices (6n,3) of lines, with a gap after each."""
-    between = start[:, None] + _STOPS[:, None] * (end - start)[:, None]
-    gaps = np.full((len(start), 1, 3), np.nan)
-    return np.concatenate([between, gaps], axis=1).reshape(-1, 3)
-
-
 @dataclass(frozen=True, eq=False)
 class Selection:
     """The group of one method."""
@@ -123,25 +116,22 @@ def view_page(view: View) -> str:
     rows = _rows(view)
     kinds = kinds_of(view.selections[0].grouping.mask, view.correct)
     line = {"type": "scatter3d", "mode": "lines", "x": [], "y": [], "z": [], "hoverinfo": "none"}
-    stage = Stage(
+    return Stage(
+        kind="matches",
         title=view.title,
         label=f"Two point clouds in three dimensions, and lines between matched points: {view.title}",
         lead=view.lead,
         clouds=pair.clouds,
         data=_data(view, pair, rows, kinds),
-        script="matches.js",
-        side=f"{_methods(view)}{_switches(view, kinds)}{_about(view, rows)}",
-        below="",
-        help=_HELP,
+        side=_side(view, rows, kinds),
         facts=view.facts,
         start=view.start,
         traces=[
-            *({**line, "line": {"width": 3.0 if _is_shown(kind) else 2.0}} for kind in kinds),
+            *({**line, "line": {"width": 2.0 if kind.name == "dropped" else 3.0}} for kind in kinds),
             {**line, "line": {"width": 9}, "hoverinfo": "skip"},
         ],
         controls=_controls(view),
-    )
-    return stage_page(stage)
+    ).page()
 
 
 def _rows(view: View) -> IndexArray:
@@ -177,20 +167,15 @@ def _data(view: View, pair: Pair, rows: IndexArray, kinds: list[Kind]) -> dict[s
 def _colors(view: View, pair: Pair) -> dict[str, Any]:
     """Return the colours of clouds as bytes: three for each point's own colour, one for its distance."""
     end = color_range(view.matches, view.target)
-    own = [
-        None if colors is None else _packed(colors[rows])
-        for colors, rows in zip(view.colors, pair.rows, strict=True)
-    ]
-    whole = apply(view.pose, view.source), view.target
-    off = [
-        distances(cloud[rows], drawn.planes, other, end)
-        for cloud, rows, drawn, other in zip(whole, pair.rows, pair.clouds, whole[::-1], strict=True)
-    ]
-    levels = [
-        np.where(np.isnan(each), 255, np.clip(254 * each / end, 0, 254)).astype(np.uint8) for each in off
-    ]
-    ramp = {"stops": style.DISTANCE_COLORS, "alone": style.ALONE}
-    return {"own": own, "distance": [_packed(each) for each in levels], **ramp}
+    source, target = apply(view.pose, view.source), view.target
+    shown: dict[str, Any] = {"own": [], "distance": [], "stops": style.DISTANCE_COLORS, "alone": style.ALONE}
+    clouds = (source, target), (target, source), pair.rows, pair.clouds, view.colors
+    for cloud, other, rows, drawn, colors in zip(*clouds, strict=True):
+        off = distances(cloud[rows], drawn.planes, other, end)
+        levels = np.where(np.isnan(off), 255, np.clip(254 * off / end, 0, 254))
+        shown["own"].append(None if colors is None else _packed(colors[rows]))
+        shown["distance"].append(_packed(levels.astype(np.uint8)))
+    return shown
 
 
 def _packed(values: NDArray[np.uint8]) -> str:
@@ -225,10 +210,6 @@ def _short(values: FloatArray) -> list[float | None]:
     return [float(f"{value:.4g}") if np.isfinite(value) else None for value in values]
 
 
-def _is_shown(kind: Kind) -> bool:
-    return kind.name != "dropped"
-
-
 def _controls(view: View) -> str:
     """Return the HTML of the colour menu, the distance scale, and the tooltip of a line."""
     named = {"scan": "by cloud", "distance": "by distance", "own": "as scanned"}
@@ -240,25 +221,29 @@ def _controls(view: View) -> str:
         for name, text in named.items()
     )
     scale = scale_html(style.DISTANCE_COLORS, color_range(view.matches, view.target))
-    return (
-        f'<div class="bar"><label>colours <select id="colors" disabled>{choices}</select></label></div>'
-        f'<div class="legend" id="legend" hidden>{scale}'
-        f'<div><span class="swatch dot" style="--color: {style.ALONE}"></span> no counterpart</div>'
-        '<div class="quiet">Distance to the other cloud under the pose, in the clouds\' unit</div></div>'
-        '<div class="tip" id="tip" role="status" hidden></div>'
+    return fill("matches_controls.html", choices=choices, scale=scale, alone=style.ALONE)
+
+
+def _side(view: View, rows: IndexArray, kinds: list[Kind]) -> str:
+    """Return the HTML of the choices of a method, of clouds and kinds of lines, and of a match."""
+    clouds = [("source", "source", True, " dot"), ("target", "target", True, " dot")]
+    shown = view.start == "apart"
+    lines = [(kind.name, kind.text, shown and kind.name != "dropped", "") for kind in kinds]
+    boxes = "".join(
+        f'<label><input type="checkbox" id="show-{name}"{" checked" if shown else ""} disabled>'
+        f'<span class="swatch{shape}" style="--color: var(--{name})"></span>{text}'
+        f'<span class="count" id="count-{name}"></span></label>'
+        for name, text, shown, shape in (*clouds, *lines)
     )
-
-
-_HELP = (
-    "Colours “by distance” show where the clouds agree under the pose.",
-    "Point at a line to see its match and why it was kept or dropped; a click keeps it selected.",
-)
+    every = len(view.matches)
+    held = "" if len(rows) == every else f"This page holds {len(rows):,} of {every:,} matches."
+    last = max(every - 1, 0)
+    return fill("matches_side.html", methods=_methods(view), boxes=boxes, last=last, held=held)
 
 
 def _methods(view: View) -> str:
     if len(view.selections) == 1:
         return ""
-    head = "".join(f'<th scope="col">{html.escape(column)}</th>' for column in view.columns)
     lines = ""
     for k, selection in enumerate(view.selections):
         cells = "".join(f"<td>{html.escape(number)}</td>" for number in selection.numbers)
@@ -267,34 +252,8 @@ def _methods(view: View) -> str:
             f'<tr><th scope="row"><label><input type="radio" name="method" value="{k}"{state} disabled>'
             f"{html.escape(selection.label)}</label></th>{cells}</tr>"
         )
-    table = f"<thead><tr><th></th>{head}</tr></thead><tbody>{lines}</tbody>"
-    return (
-        '<fieldset><legend>Method</legend><div class="scroll">'
-        f'<table class="methods">{table}</table></div></fieldset>'
-    )
-
-
-def _switches(view: View, kinds: list[Kind]) -> str:
-    clouds = [("source", "source", True, " dot"), ("target", "target", True, " dot")]
-    is_apart = view.start == "apart"
-    lines = [(kind.name, kind.text, is_apart and _is_shown(kind), "") for kind in kinds]
-    boxes = "".join(
-        f'<label><input type="checkbox" id="show-{name}"{" checked" if shown else ""} disabled>'
-        f'<span class="swatch{shape}" style="--color: var(--{name})"></span>{text}'
-        f'<span class="count" id="count-{name}"></span></label>'
-        for name, text, shown, shape in (*clouds, *lines)
-    )
-    return f'<fieldset class="show"><legend>Show</legend>{boxes}</fieldset>'
-
-
-def _about(view: View, rows: IndexArray) -> str:
-    every = len(view.matches)
-    held = "" if len(rows) == every else f"This page holds {len(rows):,} of {every:,} matches."
-    return (
-        '<section class="match"><label>Match number '
-        f'<input type="number" id="number" min="0" max="{max(every - 1, 0)}" disabled></label>'
-        f'<div id="about" aria-live="polite"></div><p class="quiet">{held}</p></section>'
-    )
+    table = table_html(("", *view.columns), lines, label="Methods")
+    return f"<fieldset><legend>Method</legend>{table}</fieldset>"
 
 
 def figure_of(drawing: Drawing) -> Any:  # noqa: ANN401 - plotly has no types
@@ -318,7 +277,8 @@ def _line_trace(drawing: Drawing, pair: Pair, kind: Kind) -> dict[str, Any]:
     drawn = spread(rows, MAX_LINES)
     start, end = pair.ends_of(drawing.matches, drawn)
     source, target = pair.clouds
-    x, y, z = line_vertices(start + source.apart, end + target.apart).astype(np.float32).T
+    start, end = start + source.apart, end + target.apart
+    points = start[:, None] + _STOPS[:, None] * (end - start)[:, None]
     texts = _hover_texts(drawing, drawn.tolist())
     name = "dropped" if kind.name == "dropped" else kind.text.replace("kept", "selected")
     count = str(len(rows)) if len(drawn) == len(rows) else f"{len(drawn)} of {len(rows)} shown"
@@ -326,12 +286,10 @@ def _line_trace(drawing: Drawing, pair: Pair, kind: Kind) -> dict[str, Any]:
         "type": "scatter3d",
         "mode": "lines",
         "name": f"{name} ({count})",
-        "x": x,
-        "y": y,
-        "z": z,
+        **coordinates(points.reshape(-1, 3)),
         "line": {"color": kind.color, "width": 3},
         "hoverinfo": "text",
-        "hovertext": [text for text in texts for _ in range(len(_STOPS) + 1)],
+        "hovertext": [text for text in texts for _ in _STOPS],
         "visible": True if kind.text.startswith("kept") else "legendonly",
     }
 

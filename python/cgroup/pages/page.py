@@ -96,17 +96,9 @@ def scale_html(colors: Sequence[str], end: float) -> str:
 
 def page_html(title: str, body: str, *, css: str = "", script: str = "") -> str:
     """Make a page of style, body, and the scripts that draw its charts."""
-    has_charts = '<figure class="chart"' in body
-    library = (
-        f'<script type="text/plain" id="chart-library">{_packed_plotly()}</script>' if has_charts else ""
-    )
-    return Template(part("page.html")).substitute(
-        title=html.escape(title),
-        css=part("page.css") + css,
-        body=body,
-        library=library,
-        script=part("page.js") + script,
-    )
+    library = _plotly_html() if '<figure class="chart"' in body else ""
+    css, script = part("page.css") + css, part("page.js") + script
+    return fill("page.html", title=html.escape(title), css=css, body=body, library=library, script=script)
 
 
 def write_page(path: str | os.PathLike[str], page: str) -> None:
@@ -146,9 +138,10 @@ def _plain(figure: Any) -> dict[str, Any]:  # noqa: ANN401 - plotly has no types
 
 
 @functools.cache
-def _packed_plotly() -> str:
+def _plotly_html() -> str:
     script = load_plotly("offline").get_plotlyjs()
-    return base64.b64encode(gzip.compress(script.encode(), mtime=0)).decode("ascii")
+    packed = base64.b64encode(gzip.compress(script.encode(), mtime=0)).decode("ascii")
+    return f'<script type="text/plain" id="chart-library">{packed}</script>'
 
 
 def load_plotly(part_of_it: str) -> Any:  # noqa: ANN401 - a module
@@ -158,6 +151,11 @@ def load_plotly(part_of_it: str) -> Any:  # noqa: ANN401 - a module
     except ModuleNotFoundError as error:
         message = "interactive pages need plotly; pip install 'cgroup[scans]'"
         raise InputError(message) from error
+
+
+def fill(name: str, **values: object) -> str:
+    """Return a template of this package with values, which are HTML."""
+    return Template(part(name)).substitute(values)
 
 
 @functools.cache

@@ -15,9 +15,9 @@ from cgroup._show.drawing import as_points
 from cgroup._show.words import counted, say_placement
 from cgroup.errors import InputError
 from cgroup.pages.matches import MAX_POINTS
-from cgroup.pages.page import pose_html
+from cgroup.pages.page import fill, pose_html
 from cgroup.pages.results import lead_html
-from cgroup.pages.stage import Stage, place_clouds, stage_page
+from cgroup.pages.stage import Stage, place_clouds
 from cgroup.plots.scans import look_at
 from cgroup.plots.shading import View, choose_rows, face_broadside
 from cgroup.registration import Registration
@@ -58,6 +58,8 @@ def location_page(
 ) -> str:
     """Return the page of a located scan: the map, and the scan in each place.
 
+    Further parameters are as for `registration_page`.
+
     Parameters
     ----------
     scan : PointCloud or (N,3) array_like of float
@@ -66,10 +68,6 @@ def location_page(
         The map.
     found : iterable of Registration
         Result of `cgroup.scenes.locate`, at least one: the best place, then its rivals.
-    title : str
-        Plain text.
-    refusal : str, optional
-        Why no place is reliable.
 
     Returns
     -------
@@ -157,26 +155,18 @@ def _page(title: str, lead: str, ground: tuple[str, FloatArray], placed: list[_P
     names = [name, *(one.name for one in placed)]
     colors = [_GROUND, *(to_hex(color / 255) for color in scan_colors(len(placed)))]
     clouds = place_clouds(posed, view.axes, names, colors, [[*posed]])
-    looks = (
-        '<button type="button" data-look="0" disabled>'
-        f"From {'above' if name == 'map' else 'the front'}</button>"
-        '<button type="button" data-look="55" disabled>In 3D</button>'
-    )
-    stage = Stage(
+    return Stage(
+        kind="places",
         title=as_instance("title", title, str),
         label=f"{len(placed)} clouds in three dimensions, placed in the {name}",
         lead=lead,
         clouds=clouds,
         data={},
-        script="places.js",
         side=_legend(names, colors, placed),
-        below="",
-        help=["“Near” zooms to a cloud; “Reset the view” shows everything again."],
         facts=[fact for one in placed for fact in one.facts()],
         is_named=True,
-        controls=f'<div class="bar" role="group" aria-label="View">{looks}</div>',
-    )
-    return stage_page(stage)
+        controls=fill("places_controls.html", side="above" if name == "map" else "the front"),
+    ).page()
 
 
 def _legend(names: list[str], colors: list[str], placed: list[_Placed]) -> str:
@@ -191,6 +181,5 @@ def _legend(names: list[str], colors: list[str], placed: list[_Placed]) -> str:
             f'<span class="count">{count}</span>{near}</div>'
             f'<p class="quiet">{one.words() if one else ""}</p>'
         )
-    return (
-        f'<fieldset class="placed"><legend>Clouds, and probability of their poses</legend>{lines}</fieldset>'
-    )
+    heading = "<legend>Clouds, and probability of their poses</legend>"
+    return f'<fieldset class="placed">{heading}{lines}</fieldset>'

@@ -166,9 +166,8 @@ def comparison_page(
     True
     """
     as_instance("correspondences", correspondences, Correspondences)
-    found = [
-        as_instance("results", each, MethodResult) for each in as_items("results", results, "give several")
-    ]
+    given = as_items("results", results, "give several")
+    found = [as_instance("results", each, MethodResult) for each in given]
     if not found:
         raise InputError("results", "none", "give at least one MethodResult")
     pose = check_rigid(T_target_source, "T_target_source")

@@ -9,9 +9,10 @@ import numpy as np
 from matplotlib.colors import LinearSegmentedColormap, to_hex
 
 from cgroup._checks.values import as_instance
+from cgroup._show.words import counted
 from cgroup.pages.matches import MAX_POINTS
 from cgroup.pages.page import scale_html, table_html
-from cgroup.pages.stage import Stage, place_clouds, stage_page
+from cgroup.pages.stage import Stage, place_clouds
 from cgroup.plots import style
 from cgroup.plots.scans import LEAST_RANGE, MOST_NAMED, look_at, place_nodes
 from cgroup.plots.shading import choose_rows
@@ -56,24 +57,18 @@ def scene_page(scene: Scene, *, title: str = "Scene") -> str:
     colors = [to_hex(color / 255) for color in scan_colors(len(scene.scans))]
     axes = look_at([clouds[row] for row in scene.components[0]]).axes
     placed = place_clouds(clouds, axes, scene.names, colors, scene.components)
-    data = {
-        "rows": [row for rows in scene.components for row in rows],
-        "edges": [[edge.source, edge.target] for edge in scene.edges],
-    }
-    stage = Stage(
+    return Stage(
+        kind="scans",
         title=title,
         label=f"{len(placed)} scans in three dimensions, each in its colour",
         lead=_lead(scene),
         clouds=placed,
-        data=data,
-        script="scans.js",
+        data={"rows": [*clouds], "edges": [[edge.source, edge.target] for edge in scene.edges]},
         side=f"{_legend(scene, colors)}{_graphs(scene, clouds, axes, colors)}",
         below=_table(scene),
-        help=["Click an edge of the graph or a line of the table to see its two scans alone."],
         facts=_facts(scene),
         is_named=True,
-    )
-    return stage_page(stage)
+    ).page()
 
 
 def _posed(scene: Scene) -> dict[int, FloatArray]:
@@ -91,14 +86,13 @@ def _lead(scene: Scene) -> str:
     several = [rows for rows in scene.components if len(rows) > 1]
     placed = sum(map(len, several))
     kept = sum(edge.kept for edge in scene.edges)
-    named = "component" if len(several) == 1 else "components"
-    sentence = f"{placed} of {len(scene.scans)} scans connected, {len(several)} {named}."
+    sentence = f"{placed} of {len(scene.scans)} scans connected, {counted(len(several), 'component')}."
     edges = f"{kept} of {len(scene.edges)} edges kept."
     return f'<p class="lead quiet">{sentence} {edges}</p>'
 
 
 def _legend(scene: Scene, colors: Sequence[str]) -> str:
-    parts = ""
+    parts, chances = "", ["" if np.isnan(chance) else f"{chance:.3f}" for chance in scene.probability]
     for k, rows in enumerate(scene.components):
         if len(rows) > 1 or k == 0 or len(scene.components[k - 1]) > 1:
             heading = f"Component {k + 1}" if len(rows) > 1 else "Alone"
@@ -106,17 +100,13 @@ def _legend(scene: Scene, colors: Sequence[str]) -> str:
         parts += "".join(
             f'<label><input type="checkbox" data-row="{row}" checked disabled>'
             f'<span class="swatch dot" style="--color: {colors[row]}"></span>{html.escape(scene.names[row])}'
-            f'<span class="count">{_chance(scene.probability[row])}</span></label>'
+            f'<span class="count">{chances[row]}</span></label>'
             for row in rows
         )
     return (
         f'<fieldset class="scans"><legend>Scans, and probability of their poses</legend>{parts}</fieldset>'
         '<button type="button" id="all" disabled>Show all</button>'
     )
-
-
-def _chance(value: float) -> str:
-    return "" if np.isnan(value) else f"{value:.3f}"
 
 
 def _scale(scene: Scene) -> float:
@@ -132,51 +122,42 @@ def _graphs(scene: Scene, clouds: dict[int, FloatArray], axes: FloatArray, color
     if not several:
         return ""
     end = _scale(scene)
-    drawn = "".join(_graph(scene, rows, [clouds[row] for row in rows], axes, colors, end) for rows in several)
+    drawn = ""
+    for rows in several:
+        places = place_nodes([clouds[row] for row in rows], axes) * [1.0, -1.0]
+        drawn += _graph(scene, dict(zip(rows, places, strict=True)), colors, end)
     return (
         f'<section class="graphs"><h2>Edges</h2>{drawn}{scale_html(style.DISTANCE_COLORS, end)}'
         '<p class="quiet">Residual of each edge in standard deviations; dashed: dropped.</p></section>'
     )
 
 
-def _graph(
-    scene: Scene,
-    rows: Sequence[int],
-    clouds: Sequence[FloatArray],
-    axes: FloatArray,
-    colors: Sequence[str],
-    end: float,
-) -> str:
-    places = place_nodes(clouds, axes) * [1.0, -1.0]
-    low, size = places.min(axis=0), np.ptp(places, axis=0)
+def _graph(scene: Scene, places: dict[int, FloatArray], colors: Sequence[str], end: float) -> str:
+    low, size = np.min([*places.values()], axis=0), np.ptp([*places.values()], axis=0)
     scale = (_GRAPH - 40) / max(float(size.max()), 1e-300)
-    spots = {row: (20 + scale * (place - low)).round(1) for row, place in zip(rows, places, strict=True)}
+    spots = {row: (20 + scale * (place - low)).round(1) for row, place in places.items()}
     wide, high = (40 + scale * size).round(1)
     lines = ""
-    ordered = sorted(enumerate(scene.edges), key=lambda one: one[1].kept)  # those kept on top
-    for number, edge in ordered:
+    for number, edge in sorted(enumerate(scene.edges), key=lambda one: one[1].kept):  # those kept on top
         if edge.source in spots and edge.target in spots:
             (x1, y1), (x2, y2) = spots[edge.source], spots[edge.target]
             dashes = "" if edge.kept else ' stroke-dasharray="5 4"'
-            label = html.escape(_describe_edge(scene, edge))
+            pair = f"{scene.names[edge.source]} on {scene.names[edge.target]}"
+            residual = f", residual {edge.residual:.2f}" if np.isfinite(edge.residual) else ""
+            state = "kept" if edge.kept else f"dropped, {edge.reason}"
+            title = html.escape(f"{pair}{residual}: {state}")
             lines += (
                 f'<line data-edge="{number}" x1="{x1}" y1="{y1}" x2="{x2}" y2="{y2}" '
-                f'stroke="{_color(edge, end)}"{dashes}><title>{label}</title></line>'
+                f'stroke="{_color(edge, end)}"{dashes}><title>{title}</title></line>'
             )
-    radius = 7 if len(rows) <= MOST_NAMED else 4
+    radius = 7 if len(spots) <= MOST_NAMED else 4
     dots = "".join(
         f'<circle cx="{x}" cy="{y}" r="{radius}" fill="{colors[row]}">'
         f"<title>{html.escape(scene.names[row])}</title></circle>"
         for row, (x, y) in spots.items()
     )
-    label = f"Graph of {len(rows)} scans and the edges between them"
+    label = f"Graph of {len(spots)} scans and the edges between them"
     return f'<svg viewBox="0 0 {wide} {high}" role="img" aria-label="{label}">{lines}{dots}</svg>'
-
-
-def _describe_edge(scene: Scene, edge: Edge) -> str:
-    pair = f"{scene.names[edge.source]} on {scene.names[edge.target]}"
-    residual = f", residual {edge.residual:.2f}" if np.isfinite(edge.residual) else ""
-    return f"{pair}{residual}: {'kept' if edge.kept else f'dropped, {edge.reason}'}"
 
 
 def _table(scene: Scene) -> str:
@@ -196,8 +177,7 @@ def _line(scene: Scene, number: int, edge: Edge, end: float) -> str:
     residual = f"{edge.residual:.2f}" if np.isfinite(edge.residual) else ""
     dashed = "" if edge.kept else " dashed"
     swatch = f'<span class="swatch{dashed}" style="--color: {_color(edge, end)}"></span>'
-    names = (html.escape(scene.names[row]) for row in (edge.source, edge.target))
-    cells = "".join(f"<td>{name}</td>" for name in names)
+    cells = "".join(f"<td>{html.escape(scene.names[row])}</td>" for row in (edge.source, edge.target))
     state = "kept" if edge.kept else f"dropped: {html.escape(edge.reason)}"
     return (
         f'<tr data-edge="{number}" tabindex="0">{cells}<td>{edge.probability:.3f}</td>'

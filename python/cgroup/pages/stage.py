@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cgroup.pages.page import chart_html, chart_text, data_html, facts_html, page_html, part
+from cgroup.pages.page import chart_html, chart_text, data_html, facts_html, fill, page_html, part
 from cgroup.plots.shading import AMBIENT, LIGHT, planes
 from cgroup.types import FloatArray
 
@@ -20,6 +20,7 @@ _TO_LIGHT = LIGHT / np.linalg.norm(LIGHT)
 _SIZES = ((60_000, 1.6), (4_000, 2.2), (0, 3.5))  # pixels of a point, by how many more than that are drawn
 _GAP = 0.15  # gap between clouds side by side, in sides of a square as large as their average box
 _WIDE = 1.5  # width over height of the layout side by side
+_HEIGHT = "min(68vh, 46rem)"  # of the view on the page
 _RIM = 0.002  # share of the points on either side that a box may leave out, as far outliers
 
 
@@ -108,23 +109,27 @@ def cloud_traces(clouds: Sequence[Cloud], place: str, *, is_named: bool = False)
     count = sum(len(cloud.points) for cloud in clouds)
     size = next(size for least, size in _SIZES if count > least)
     hover = {"hovertemplate": "%{fullData.name}<extra></extra>"} if is_named else {"hoverinfo": "skip"}
-    return [{**_trace(cloud, getattr(cloud, place), size), **hover} for cloud in clouds]
+    traces: list[dict[str, Any]] = []
+    for cloud in clouds:
+        dark = [round(AMBIENT * int(cloud.color[k : k + 2], 16)) for k in (1, 3, 5)]
+        marker = {
+            "size": size,
+            "color": cloud.light,
+            "cmin": 0,
+            "cmax": LEVELS,
+            "colorscale": [[0, f"rgb({', '.join(map(str, dark))})"], [1, cloud.color]],
+            "showscale": False,
+            "line": {"width": 0},
+        }
+        points = coordinates(cloud.points + getattr(cloud, place))
+        look = {"mode": "markers", "name": chart_text(cloud.name), "marker": marker, **hover}
+        traces.append({"type": "scatter3d", **points, **look})
+    return traces
 
 
-def _trace(cloud: Cloud, at: FloatArray, size: float) -> dict[str, Any]:
-    x, y, z = (cloud.points + at).astype(np.float32).T
-    dark = [round(AMBIENT * int(cloud.color[k : k + 2], 16)) for k in (1, 3, 5)]
-    marker = {
-        "size": size,
-        "color": cloud.light,
-        "cmin": 0,
-        "cmax": LEVELS,
-        "colorscale": [[0, f"rgb({', '.join(map(str, dark))})"], [1, cloud.color]],
-        "showscale": False,
-        "line": {"width": 0},
-    }
-    name = chart_text(cloud.name)
-    return {"type": "scatter3d", "mode": "markers", "name": name, "x": x, "y": y, "z": z, "marker": marker}
+def coordinates(points: FloatArray) -> dict[str, Any]:
+    """Return points as a trace of plotly takes them."""
+    return dict(zip("xyz", points.astype(np.float32).T, strict=True))
 
 
 def scene_layout() -> dict[str, Any]:
@@ -140,63 +145,44 @@ def scene_layout() -> dict[str, Any]:
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """A page of clouds; all fields except `title`, `label` and `data` are HTML."""
+    """A page of clouds; texts except `title`, `label` and `kind` are HTML."""
 
+    kind: str  # of page: name of its script and help
     title: str
     label: str  # of the chart, for readers of the screen
     lead: str
     clouds: Sequence[Cloud]
     data: dict[str, Any]  # for the page's own script
-    script: str
     side: str
-    below: str
-    help: Sequence[str]
     facts: Sequence[tuple[str, str]]
+    below: str = ""
     start: str = "joined"
     is_named: bool = False  # whether clouds show their names when pointed at
     traces: Sequence[dict[str, Any]] = ()
     controls: str = ""
 
-
-def stage_page(stage: Stage) -> str:
-    """Return the page: clouds and controls, side and bottom panels, facts and help."""
-    layout = {"scene": scene_layout(), "margin": {"l": 0, "r": 0, "t": 0, "b": 0}, "showlegend": False}
-    traces = [*cloud_traces(stage.clouds, stage.start, is_named=stage.is_named), *stage.traces]
-    figure = {"data": traces, "layout": layout}
-    chart = chart_html("scene", figure, label=stage.label, height="min(68vh, 46rem)")
-    places = {name: [getattr(cloud, name).tolist() for cloud in stage.clouds] for name in ("joined", "apart")}
-    boxes = {name: _bounds(stage.clouds, name) for name in places}
-    sizes = [cloud.size.tolist() for cloud in stage.clouds]
-    data = {"start": stage.start, **places, "boxes": boxes, "sizes": sizes, **stage.data}
-    share = 100 if stage.start == "joined" else 0
-    listed = "".join(f"<li>{line}</li>" for line in (*_HELP, *stage.help))
-    body = (
-        f"<main><h1>{html.escape(stage.title)}</h1>{stage.lead}"
-        f'<div class="viewer"><div class="stage">{chart}{_CONTROLS.format(share=share)}{stage.controls}</div>'
-        f'<aside class="side">{stage.side}</aside></div>{stage.below}{facts_html(stage.facts)}'
-        f"<details><summary>Controls</summary><ul>{listed}</ul></details></main>"
-        f"{data_html('stage-data', data)}"
-    )
-    return page_html(stage.title, body, css=part("viewer.css"), script=part("stage.js") + part(stage.script))
-
-
-def _bounds(clouds: Sequence[Cloud], place: str) -> list[list[float]]:
-    places = np.array([getattr(cloud, place) for cloud in clouds])
-    half = np.array([cloud.size for cloud in clouds]) / 2
-    return [(places - half).min(axis=0).tolist(), (places + half).max(axis=0).tolist()]
-
-
-_CONTROLS = """
-<div class="bar" role="group" aria-label="Position of the clouds">
-<button type="button" id="play" disabled>Join</button>
-<label style="flex: 1 1 14rem">apart <input type="range" id="place" min="0" max="100" value="{share}" disabled
- aria-label="from apart to joined"> joined</label>
-<button type="button" id="reset" disabled>Reset the view</button>
-</div>
-"""
-
-_HELP = (
-    "Drag to rotate, scroll or pinch to zoom, drag with the right button (or two fingers) to pan.",
-    "The slider moves the clouds from side by side to their poses.",
-    "The file is self-contained: it loads nothing from the network.",
-)
+    def page(self) -> str:
+        """Return the page: clouds and controls, side and bottom panels, facts and help."""
+        layout = {"scene": scene_layout(), "margin": {"l": 0, "r": 0, "t": 0, "b": 0}, "showlegend": False}
+        traces = [*cloud_traces(self.clouds, self.start, is_named=self.is_named), *self.traces]
+        half = np.array([cloud.size for cloud in self.clouds]) / 2
+        data: dict[str, Any] = {"start": self.start, "boxes": {}, "sizes": (2 * half).tolist(), **self.data}
+        for name in ("joined", "apart"):
+            places = np.array([getattr(cloud, name) for cloud in self.clouds])
+            data[name] = places.tolist()
+            data["boxes"][name] = [(places - half).min(axis=0).tolist(), (places + half).max(axis=0).tolist()]
+        body = fill(
+            "stage.html",
+            title=html.escape(self.title),
+            lead=self.lead,
+            chart=chart_html("scene", {"data": traces, "layout": layout}, label=self.label, height=_HEIGHT),
+            share=100 if self.start == "joined" else 0,
+            controls=self.controls,
+            side=self.side,
+            below=self.below,
+            facts=facts_html(self.facts),
+            help=part(f"{self.kind}_help.html"),
+            data=data_html("stage-data", data),
+        )
+        script = part("stage.js") + part(f"{self.kind}.js")
+        return page_html(self.title, body, css=part("viewer.css"), script=script)
