@@ -37,20 +37,13 @@ def assess_in_map(
 
     The pose is refined where it is, and compared with chance only: other places of the map are not searched,
     so of two that look the same either is accepted (`locate` compares them). As for `assess`, half of the
-    probability is left if refining moves the scan by 0.4 voxel.
+    probability is left if refining moves the scan by 0.4 voxel. Further parameters are as for `locate` and as
+    for `register`.
 
     Parameters
     ----------
-    scan : PointCloud, Cloud, path or (N,3) array_like of float
-        Whole cloud, in the unit of the map.
-    place : PreparedMap
-        Made by `prepare_map`.
     T_map_scan : (4,4) array_like of float
         Pose of the scan in the map, such as that of a tracker.
-    threads : int, optional
-        Number of threads; all cores by default.
-    progress : callable, optional
-        Called with the name of each stage as it begins.
 
     Returns
     -------
@@ -77,9 +70,8 @@ def assess_in_map(
     given = pairwise.as_given("scan", scan)
     size = choose_thinning(given.whole.cloud, voxels=settings.SCAN_VOXELS, threads=threads)
     level = place.level_at(size)
-    source = pairwise.Preparation(level.voxel, DenseFront(), as_threads(threads)).finish(
-        given, by_frames=True
-    )
+    shared = pairwise.Preparation(level.voxel, DenseFront(), as_threads(threads))
+    source = shared.finish(given, by_frames=True)
     moved = apply(pose, source.points)
     middle = moved.mean(axis=0)
     radius = np.linalg.norm(moved - middle, axis=1).max() + settings.CELL * level.voxel

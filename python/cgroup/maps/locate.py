@@ -28,7 +28,7 @@ from cgroup.maps.plan_view import Disk, find_layers
 from cgroup.maps.prepared_map import Level, PreparedMap
 from cgroup.registration import EFFORTS, DenseFront, Effort, PreparedScan, Registration, pairwise
 from cgroup.rigid import apply
-from cgroup.types import AnyCloud, BoolArray, FloatArray, IndexArray
+from cgroup.types import AnyCloud, FloatArray, IndexArray
 
 
 @report_refused_memory()
@@ -100,8 +100,8 @@ def locate(
         mirrored, _ = _find(image, levels, search, around, threads)
         reached = mirrored[0][0].probability if mirrored else 0.0
         best = [(replace(found, decoy=reached), where) for found, where in best]
-    found_in = [(found, pairwise.judge(found, source, where, direction)) for found, where in best]
-    return [pairwise.registration_of(found, judgement, clock.stop()) for found, judgement in found_in]
+    judged = [(found, pairwise.judge(found, source, where, direction)) for found, where in best]
+    return [pairwise.registration_of(found, judgement, clock.stop()) for found, judgement in judged]
 
 
 def _find(
@@ -134,8 +134,8 @@ def as_disk(near: ArrayLike | None, radius: float | None) -> Disk | None:
         if radius is not None:
             raise InputError("radius", f"{radius}, but no place", "give `near`, too")
         return None
-    told = np.nan if radius is None else as_length("radius", radius)
-    return Disk(np.array(as_place("near", near)), told)
+    within = np.nan if radius is None else as_length("radius", radius)
+    return Disk(np.array(as_place("near", near)), within)
 
 
 class _Place(NamedTuple):
@@ -163,9 +163,11 @@ class _Locating:
         self._choosing = self._places()
         self._origins = around
         self._cells = np.arange(len(level.cells))
+        self._region: pairwise.Region | None = None  # of the scan's origin
         if around is not None:
             radius = self._radius if np.isnan(around.radius) else around.radius
             self._origins = around._replace(radius=radius)
+            self._region = pairwise.Region(around.middle, radius + settings.SLACK * source.voxel)
             reach = float(np.quantile(np.linalg.norm(points, axis=1), settings.WITHIN))
             self._cells = level.around(around.middle, radius + reach + settings.CELL * level.voxel)
 
@@ -184,11 +186,8 @@ class _Locating:
             search = replace(search, threads=each)
             for place, found in work_side_by_side(some, partial(self._register, search), workers):
                 if found is not None:
-                    poses = [found.pose, *found.places[1:]]
-                    self._candidates += [
-                        _Candidate(pose, case, found, place)
-                        for pose, case in zip(poses, found.cases, strict=True)
-                    ]
+                    poses = zip([found.pose, *found.places[1:]], found.cases, strict=True)
+                    self._candidates += [_Candidate(*each, found, place) for each in poses]
             done = self._weigh()
             is_late = tried + settings.AT_A_TIME >= settings.ENOUGH
             if done and done[0][0].probability >= (pairwise.ACCEPTED if is_late else settings.SURE):
@@ -215,8 +214,16 @@ class _Locating:
         layers = find_layers(source.points, source.normals, axis)
         if plan is None or layers is None:
             return []
+        region = self._region
+
+        def may_be(poses: FloatArray) -> bool:
+            if region is None:
+                return True
+            away = np.linalg.norm(poses[:, :3, 3] - region.center, axis=1)
+            return bool((away <= region.radius).any())
+
         seen = plan.propose(layers, self._origins, source.threads)
-        return list(islice((poses for poses in seen if self._may_be(poses).any()), settings.FROM_ABOVE))
+        return list(islice(filter(may_be, seen), settings.FROM_ABOVE))
 
     def _places_alike(self) -> Iterator[_Place]:
         """Yield separate places with descriptors similar to those of the scan."""
@@ -243,19 +250,9 @@ class _Locating:
     ) -> tuple[PreparedScan, pairwise.Found | None]:
         stop_with_the_others()
         clock = StageClock(lambda _: stop_with_the_others())
-        wanted, slack = self._origins, settings.SLACK * self.source.voxel
-        region = None if wanted is None else pairwise.Region(wanted.middle, wanted.radius + slack)
-        search = replace(search, clock=clock, proposed=place.proposed, region=region)
+        search = replace(search, clock=clock, proposed=place.proposed, region=self._region)
         target = self._level.crop(place.cells, search.threads)
         return target, search.run(self.source, target)
-
-    def _may_be(self, poses: FloatArray) -> BoolArray:
-        """Return the mask of poses whose origin is in the searched disk."""
-        wanted = self._origins
-        if wanted is None:
-            return np.ones(len(poses), dtype=bool)
-        away = np.linalg.norm(poses[:, :3, 3] - wanted.middle, axis=1)
-        return away <= wanted.radius + settings.SLACK * self.source.voxel
 
     def _weigh(self) -> list[tuple[pairwise.Found, PreparedScan]]:
         """Divide the probability among the poses of all places; return the best first."""
@@ -263,10 +260,8 @@ class _Locating:
         if not ranked:
             return []
         poses = np.array([candidate.pose for candidate in ranked])
-        rows = pairwise.choose_apart(poses, self.source.scan.centroid, self.source.voxel)[
-            : 1 + settings.RIVALS
-        ]
-        best, *rivals = (ranked[row] for row in rows)
+        apart = pairwise.choose_apart(poses, self.source.scan.centroid, self.source.voxel)
+        best, *rivals = (ranked[row] for row in apart[: 1 + settings.RIVALS])
         # What chance reaches in any of the places.
         reached = max(candidate.case[-1] for candidate in self._candidates)
         cases = [(*candidate.case[:-1], reached) for candidate in (best, *rivals)]
@@ -274,17 +269,14 @@ class _Locating:
         chance = pairwise.bound_by_motions(chance, best.found.motions)
         chance = pairwise.bound_by_size(chance, self.source, best.place) * best.found.scale_factor
         alike = np.flatnonzero(pairwise.are_alternatives(chance, shares)).tolist()
-        decoy = max(
-            (one.found.decoy for one in self._candidates if one.found.decoy is not None), default=None
-        )
+        reached_by_decoys = [one.found.decoy for one in self._candidates if one.found.decoy is not None]
+        decoy = max(reached_by_decoys, default=None)
         places = [(best, chance), *((rivals[row], chance * min(float(shares[row]), 1.0)) for row in alike)]
         done: list[tuple[pairwise.Found, PreparedScan]] = []
         for one, probability in places:
-            others = [other.pose for other, _ in places if other is not one]
-            alternatives = np.reshape(others, (-1, 4, 4))
-            found = self._refined(one)
-            shared = replace(found, probability=probability, alternatives=alternatives, decoy=decoy)
-            done.append((shared, one.place))
+            others = np.reshape([other.pose for other, _ in places if other is not one], (-1, 4, 4))
+            found = replace(self._refined(one), probability=probability, alternatives=others, decoy=decoy)
+            done.append((found, one.place))
         return done
 
     def _refined(self, one: _Candidate) -> pairwise.Found:

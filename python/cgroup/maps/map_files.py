@@ -86,6 +86,5 @@ def _load(folder: Path, name: str, check: int) -> NDArray[Any]:
 
 def not_a_map(folder: Path, reason: object) -> InputError:
     """Return the error for a folder that can't be read."""
-    return InputError(
-        f"{folder}: no folder that `PreparedMap.save` has written ({reason}); save the map again"
-    )
+    foreign = f"no folder that `PreparedMap.save` has written ({reason})"
+    return InputError(f"{folder}: {foreign}; save the map again")

@@ -103,8 +103,7 @@ class PlanView:
         middle = np.concatenate([scan.walls, scan.floors]).mean(axis=0)
         middle[2] = np.median(scan.floors[:, 2])
         lowest = np.abs(scan.floors[:, 2] - middle[2]) < 2 * self.voxel
-        parts = (scan.walls - middle)[:, :2], (scan.floors - middle)[lowest, :2]
-        outline = _Outline(*parts, middle)
+        outline = _Outline((scan.walls - middle)[:, :2], (scan.floors - middle)[lowest, :2], middle)
         angles, places = self._refine(outline, self._place_coarsely(outline, within, threads), threads)
         left = np.ones(len(angles), dtype=bool)
         while left.any():
@@ -115,10 +114,8 @@ class PlanView:
 
     def _place_coarsely(self, outline: _Outline, within: Disk | None, threads: int | None) -> IndexArray:
         """Place walls and floor on coarse cells at all turns; return turns, rows and columns, (n,3)."""
-        turns, size = (
-            np.arange(0, settings.TURNS * settings.TURN_PARTS, settings.TURN_PARTS),
-            settings.COARSE * self.voxel,
-        )
+        turns = np.arange(0, settings.TURNS * settings.TURN_PARTS, settings.TURN_PARTS)
+        size = settings.COARSE * self.voxel
         height, width = (count // settings.COARSE for count in self._walls.shape)
         coarse = self._walls.reshape(height, settings.COARSE, width, settings.COARSE).max(axis=(1, 3))
         first, last = np.zeros((len(turns), 2)), np.tile([height, width], (len(turns), 1))
@@ -137,10 +134,8 @@ class PlanView:
         """Score placements around coarse ones on fine cells; return angles and places, the best first."""
         near = (rough + np.array([[[-1, 0, 0]], [[0, 0, 0]], [[1, 0, 0]]])).reshape(-1, 3)
         turns, numbers = np.unique(near[:, 0] % (settings.TURNS * settings.TURN_PARTS), return_inverse=True)
-        sides = [
-            (near[:, [k]] + np.array([-1, settings.COARSE + 1])).clip(0, self._walls.shape[k - 1])
-            for k in (1, 2)
-        ]
+        ends = np.array([-1, settings.COARSE + 1])
+        sides = [(near[:, [k]] + ends).clip(0, self._walls.shape[k - 1]) for k in (1, 2)]
         windows = np.column_stack([numbers, *sides])
         most = len(windows) * (settings.COARSE + 2) ** 2
         found = self._place(self._walls, self.voxel, outline, turns, windows, most, threads)
@@ -157,34 +152,24 @@ class PlanView:
         threads: int | None,
     ) -> IndexArray:
         """Return the best placements in windows, the best first: number of the turn, row, column, (n,3)."""
-        angles = _angle(turns)
-        return _core.best_placements(
-            grid,
-            outline.walls / size,
-            outline.floor / size,
-            np.column_stack([np.cos(angles), np.sin(angles)]),
-            windows.astype(np.int64),
-            run_options(threads),
-            settings.OPEN,
-            most,
-        )
+        angles, options, wanted = _angle(turns), run_options(threads), windows.astype(np.int64)
+        walls, floor = outline.walls / size, outline.floor / size
+        directions = np.column_stack([np.cos(angles), np.sin(angles)])
+        return _core.best_placements(grid, walls, floor, directions, wanted, options, settings.OPEN, most)
 
-    def _poses_at(
-        self, angle: float, place: FloatArray, middle: FloatArray, scan_turn: FloatArray
-    ) -> FloatArray:
+    def _poses_at(self, angle: float, place: FloatArray, middle: FloatArray, turn: FloatArray) -> FloatArray:
         """Return the poses at a place: one per floor of the map."""
         floors = self.layers.floors
         away = np.linalg.norm(floors[:, :2] - place, axis=1)
         near = away < max(settings.FLOOR_WITHIN * self.voxel, float(away.min()) + self.voxel)
         heights = floors[near, 2]
-        storeys, storey_of, counts = np.unique(
-            np.floor(heights / (2 * self.voxel)), return_inverse=True, return_counts=True
-        )
+        levels = np.floor(heights / (2 * self.voxel))
+        storeys, storey_of, counts = np.unique(levels, return_inverse=True, return_counts=True)
         large = np.argsort(-counts)[: settings.MOST_FLOORS]
         around = np.eye(3)
         around[:2, :2] = _turn(angle)
         poses = np.tile(np.eye(4), (len(storeys), 1, 1))
-        poses[:, :3, :3] = self.layers.turn.T @ around @ scan_turn
+        poses[:, :3, :3] = self.layers.turn.T @ around @ turn
         for storey in large:
             at = np.array([*place, np.median(heights[storey_of == storey])])
             poses[storey, :3, 3] = self.layers.turn.T @ (at - around @ middle)

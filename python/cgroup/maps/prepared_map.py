@@ -219,9 +219,8 @@ class PreparedMap:
 
     def __repr__(self) -> str:
         finest = self.levels[0]
-        return (
-            f"PreparedMap(points={len(self.points)}, voxels={len(finest.voxels)}, voxel={finest.voxel:.4g})"
-        )
+        voxels = f"voxels={len(finest.voxels)}, voxel={finest.voxel:.4g}"
+        return f"PreparedMap(points={len(self.points)}, {voxels})"
 
 
 @report_refused_memory()
@@ -262,10 +261,11 @@ def prepare_map(
     begin = as_stage_function(progress)
     begin("points")
     surface = as_surface("cloud", cloud.merged() if isinstance(cloud, Mergeable) else cloud)
-    given = without_outliers(surface if voxel is None else surface.sampled(as_length("voxel", voxel))).cloud
     if voxel is not None:
         size = as_length("voxel", voxel)
+        given = without_outliers(surface.sampled(size)).cloud
         return PreparedMap(given.points, [_describe(given, size, threads, begin)], size, threads)
+    given = without_outliers(surface).cloud
     size = settings.SPACINGS * features.resolution(given, threads=threads)
     levels = [_describe(given, size, threads, begin)]
     with suppress(InputError):  # of voxels too coarse for planes
@@ -295,16 +295,8 @@ def _describe(cloud: Cloud, voxel: float, threads: int | None, begin: Callable[[
     numbers_of_points = numbers[voxels.indices]
     points = in_double(thinned.points)[np.argsort(numbers_of_points, kind="stable")]
     ends = [np.bincount(each, minlength=len(cells)).cumsum() for each in (numbers, numbers_of_points)]
-    return Level(
-        voxel,
-        points,
-        made.points[order],
-        made.normals[order],
-        frames[order],
-        descriptors[order],
-        cells,
-        *ends,
-    )
+    of_voxels = made.points[order], made.normals[order], frames[order], descriptors[order]
+    return Level(voxel, points, *of_voxels, cells, *ends)
 
 
 def _number_cells(points: FloatArray, size: float) -> tuple[IndexArray, FloatArray]:
