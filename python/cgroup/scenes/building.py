@@ -15,8 +15,9 @@ from cgroup.rigid import invert
 from cgroup.rigid.se3 import adjoint
 from cgroup.scenes import settings
 from cgroup.scenes.agreement import weigh_by_triangles
-from cgroup.scenes.decide import Decision, anchor, decide, follow_best, graph_of, weigh_residuals
+from cgroup.scenes.decide import Decision, decide, follow_best, graph_of, weigh_residuals
 from cgroup.scenes.join import Join, cross_tasks, link_unions, propose_joins, task_of, weigh_join
+from cgroup.scenes.known import KnownPoses
 from cgroup.scenes.links import Link, link, weigh_pose
 from cgroup.scenes.partners import choose_partners, describe_scans
 from cgroup.scenes.refine import find_overlapping, refine_on_unions, refine_pairs
@@ -38,6 +39,7 @@ class SceneBuilder:
     ) -> None:
         self.scans, self._call, self.axis, self._clock = scans, call, axis, clock
         self._effort: Effort = effort
+        self.known = KnownPoses({})
         self._voxel = scans[0].voxel
         self._middles = np.array([scan.scan.centroid for scan in scans])
         self._links: dict[tuple[int, int], Link] = {}
@@ -65,8 +67,13 @@ class SceneBuilder:
 
     # --- pairs -----------------------------------------------------------------------------------------
 
-    def register_pairs(self, wanted: list[tuple[int, int]] | None, odometry: FloatArray | None) -> None:
-        """Register the given pairs, or those of similar scans."""
+    def register_pairs(
+        self,
+        wanted: list[tuple[int, int]] | None,
+        odometry: FloatArray | None,
+        known: Mapping[int, FloatArray],
+    ) -> None:
+        """Register the given pairs, or those of similar scans; link those of known poses."""
         count = len(self.scans)
         self._clock.start("pairs")
         if odometry is not None:
@@ -77,6 +84,11 @@ class SceneBuilder:
             self._register_alike()
         else:
             self._register([pair for pair in wanted if (max(pair), min(pair)) not in self._tried])
+        self.known = KnownPoses(known)
+        self.known.link(self._links, self._middles, self._voxel)
+        self._chances = {pair: self._chances.get(pair, 1.0) for pair in self._links}
+        self._chances |= dict.fromkeys(self.known.pairs, settings.LARGEST_CHANCE)
+        self._seen |= self.known.pairs
         self._decision = self._decide()
 
     def _register_alike(self) -> None:
@@ -128,7 +140,7 @@ class SceneBuilder:
         grown = SceneBuilder([*self.scans, scan], call, self.axis, self._effort, clock)
         grown._links, grown._chances = dict(self._links), dict(self._chances)
         grown._tried, grown._seen, grown._firm = set(self._tried), set(self._seen), set(self._firm)
-        row = len(self.scans)
+        grown.known, row = self.known, len(self.scans)
         order = list(range(row))
         if row >= settings.ALL_PAIRS:
             vectors = describe_scans(grown.scans)
@@ -191,6 +203,8 @@ class SceneBuilder:
         """Join components, refine all scans together, and return the scene."""
         self.join()
         self._clock.start("refinement")
+        labels = self._decision.labels
+        self._decision = replace(self._decision, poses=self.known.settle(self._decision.poses, labels))
         agreeing = {pair for pair, error in self._residuals().items() if error < settings.DISAGREES}
         kept = self._weigh_kept(sorted({*agreeing, *self._decision.kept}))
         pairs = find_overlapping(self.scans, self._decision, kept)
@@ -199,11 +213,12 @@ class SceneBuilder:
         self._move(self._graph(refined))
         for _ in range(settings.UNION_ROUNDS):
             self._move(refine_on_unions(self._call, sorted(refined), self._decision))
-        graph = self._graph(refined)
-        changes = [adjoint(pose) for pose in self._decision.poses]
-        covariance = np.array([by @ graph.covariance(row) @ by.T for row, by in enumerate(changes)])
+        graph, nodes, _ = self.known.hold(self._graph(refined))
+        poses = self.known.restore(self._decision.poses, labels)
+        changes = zip(nodes.tolist(), map(adjoint, poses), strict=True)
+        covariance = np.array([by @ graph.covariance(node) @ by.T for node, by in changes])
         return Scene(
-            poses=self._decision.poses,
+            poses=poses,
             components=self._decision.components,
             edges=self._edges(kept),
             probability=self._probabilities(kept),
@@ -221,8 +236,9 @@ class SceneBuilder:
         return weigh_residuals(self._links, self._decision, self._middles, self._voxel)
 
     def _move(self, graph: PoseGraph) -> None:
-        poses = anchor(graph.optimize(start="given").poses, self._decision.labels)
-        self._decision = replace(self._decision, poses=poses)
+        held, nodes, offsets = self.known.hold(graph)
+        poses = held.optimize(start="given").poses[nodes] @ offsets
+        self._decision = replace(self._decision, poses=self.known.settle(poses, self._decision.labels))
 
     def _graph(self, refined: dict[tuple[int, int], Link]) -> PoseGraph:
         rows = sorted(refined)

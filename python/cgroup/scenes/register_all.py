@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Generator, Iterable, Sequence
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from hashlib import sha256
@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from cgroup._checks.arrays import as_direction
 from cgroup._checks.calls import explain_wrong_calls
-from cgroup._checks.values import as_choice, as_items
+from cgroup._checks.values import as_choice, as_index, as_items, refusal
 from cgroup._runtime.memory import report_refused_memory
 from cgroup._runtime.progress import StageClock, as_stage_function
 from cgroup._runtime.workers import count_workers, work_side_by_side
@@ -26,6 +26,7 @@ from cgroup.fronts.scan import MAX_SIZE_RATIO, as_viewpoint
 from cgroup.io.clouds import find_clouds
 from cgroup.registration import EFFORTS, Effort, PreparedScan
 from cgroup.registration.pairwise import Given, agree, as_given, as_pairs, as_viewpoints
+from cgroup.rigid import check_rigid
 from cgroup.rigid.transforms import as_poses
 from cgroup.scenes.building import SceneBuilder
 from cgroup.scenes.scene import Scene
@@ -45,6 +46,7 @@ def register_all(
     axis: ArrayLike | None = None,
     pairs: Iterable[tuple[int, int]] | None = None,
     odometry: ArrayLike | None = None,
+    known: Mapping[int, ArrayLike] | None = None,
     voxel: float | None = None,
     effort: Effort = "normal",
     keep: str | os.PathLike[str] | None = None,
@@ -74,6 +76,9 @@ def register_all(
     odometry : (N,4,4) array_like of float, optional
         Poses of the scans, in order, by other sensors. Neighbours are then linked even if their surfaces do
         not fix the pose.
+    known : dict of int to (4,4) array_like of float, optional
+        Poses of some rows of `scans`, such as those of `fit_targets`. They are kept exactly, and give the
+        frame of their component. `Scene.notes` lists pairs of them that the surfaces contradict.
     keep : path, optional
         File of finished pairs, from which an interrupted run continues.
     scheduler : str or distributed.Client, optional
@@ -108,6 +113,7 @@ def register_all(
     direction = None if axis is None else as_direction("axis", axis, "(0, 0, 1)")
     wanted = None if pairs is None else as_pairs(pairs, len(given))
     moved = None if odometry is None else as_poses("odometry", odometry, len(given))
+    fixed = _as_known({} if known is None else known, len(given))
     called = _as_names(names, given)
     clock = StageClock(begin)
     clock.start("scans")
@@ -122,7 +128,8 @@ def register_all(
         wanted = [(place[one], place[other]) for one, other in usable]
     with open_workers(scans, threads, scheduler, keep, begin) as call:
         building = SceneBuilder(scans, call, direction, effort, clock)
-        building.register_pairs(wanted, None if moved is None else moved[rows])
+        held = {number: fixed[row] for number, row in enumerate(rows) if row in fixed}
+        building.register_pairs(wanted, None if moved is None else moved[rows], held)
         return _finish(building, rows, given, called, notes)
 
 
@@ -148,6 +155,13 @@ def _as_names(names: Sequence[str] | None, given: Sequence[Any]) -> list[str]:
     if len(told) != len(given):
         raise InputError("names", f"{len(told)} for {len(given)} scans", "give one per scan")
     return told
+
+
+def _as_known(known: Mapping[int, ArrayLike], count: int) -> dict[int, FloatArray]:
+    if not isinstance(known, Mapping):
+        raise refusal("known", known, "give a dict of poses by rows of `scans`")
+    rows = [as_index("known", row, count, "scans") for row in known]
+    return {row: check_rigid(pose, f"known[{row}]") for row, pose in zip(rows, known.values(), strict=True)}
 
 
 def _prepare_each(
@@ -226,9 +240,28 @@ def _finish(
         edges=[replace(edge, source=rows[edge.source], target=rows[edge.target]) for edge in scene.edges],
         names=names,
         scans=tuple(given),
-        notes=(*notes, *_say_components([len(part) for part in scene.components])),
+        notes=(
+            *notes,
+            *_list_contradictions(building, scene, rows, names),
+            *_say_components([len(part) for part in scene.components]),
+        ),
         made=(building, rows, notes),
     )
+
+
+def _list_contradictions(
+    building: SceneBuilder, scene: Scene, rows: list[int], names: list[str]
+) -> list[str]:
+    dropped = [
+        f"{names[rows[edge.source]]} and {names[rows[edge.target]]}: other scans contradict their known poses"
+        for edge in scene.edges
+        if (edge.source, edge.target) in building.known.pairs and not edge.kept
+    ]
+    return dropped + [
+        f"{names[rows[source]]} on {names[rows[target]]}: their surfaces contradict the known poses, "
+        f"by {turn:.2g} degrees and {way:.3g} at the middle"
+        for source, target, turn, way in building.known.contradictions
+    ]
 
 
 def _say_components(sizes: list[int]) -> list[str]:

@@ -113,7 +113,8 @@ class Scene:
     Attributes
     ----------
     poses : (N,4,4) array of float64
-        Maps points of each scan into the frame of its component, that of the component's first scan.
+        Maps points of each scan into the frame of its component, that of the component's first scan, or
+        of the scans whose poses were known.
     components : list of list of int
         Rows of the connected scans, the largest component first; an unconnected scan is alone. Scans that
         were left out are in none.

@@ -10,6 +10,7 @@ from typing import Any
 
 import typer
 
+from cgroup._checks.quoting import escape
 from cgroup._show.words import counted
 from cgroup.cli import options
 from cgroup.cli.command import command, identify_run, make_app
@@ -26,11 +27,13 @@ from cgroup.cli.terminal import (
     show_stages,
     write_figure,
 )
-from cgroup.errors import CgroupError
+from cgroup.errors import CgroupError, InputError
 from cgroup.io.attributes import unkept_attributes
 from cgroup.io.clouds import find_clouds
-from cgroup.io.files import check_outputs
+from cgroup.io.files import check_outputs, load_text
 from cgroup.io.result_folders import Results, make_folder
+from cgroup.io.scan_names import find_names, names_file
+from cgroup.io.transforms import read_transforms
 from cgroup.registration import FalseAccepts
 from cgroup.rigid import apply
 from cgroup.rigid.se3 import deviations_at
@@ -171,6 +174,12 @@ def merge_command(
         options.SEARCH,
         min=0,
     ),
+    known: Path | None = option(
+        None,
+        "FILE",
+        "Known poses of some scans, with their names, as poses.tum has them; they give the frame.",
+        options.SEARCH,
+    ),
     out: Path = options.OUT,
     html: bool = options.HTML,
     **shared: Any,
@@ -191,7 +200,7 @@ def merge_command(
     with _folder_if_needed(out), show_stages(piped=True) as begin:
         scene = register_all(
             scans,
-            names=unique_names(scans, [file.name for file in scans]),
+            **_read_names(scans, known),
             **shared,
             keep=out / _PAIRS,
             scheduler=scheduler,
@@ -223,6 +232,22 @@ def merge_command(
     if refusal := _refuse(scene, has_viewpoint=is_given(context, "viewpoint")):
         parts["refusal"] = refusal
     return parts
+
+
+def _read_names(scans: Sequence[Path], file: Path | None) -> dict[str, Any]:
+    """Return the names of the scans, and the poses of a file by the rows of the scans that it names."""
+    names = unique_names(scans, [scan.name for scan in scans])
+    if file is None:
+        return {"names": names}
+    poses, beside = read_transforms(file), names_file(file)
+    listed = find_names(load_text(beside if beside.is_file() else file).splitlines())
+    rows = {escape(name): row for row, name in enumerate(names)}
+    called = [listed.names[row] for row in listed.rows]
+    found = {rows[name]: pose for name, pose in zip(called, poses, strict=False) if name in rows}
+    if len(called) != len(poses) or not found:
+        got = f"{len(poses)} poses, {len(called)} names, {len(found)} of them of these scans"
+        raise InputError("known", got, "name the scan of each pose in a comment: # scan 0: a.ply")
+    return {"names": names, "known": found}
 
 
 def _refuse(scene: Scene, *, has_viewpoint: bool) -> str:

@@ -1,0 +1,88 @@
+"""Scans of known pose: their links, the frame of their component, and graphs in which they stay."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from cgroup.pose_graph import PoseGraph
+from cgroup.rigid import invert, rotation_error
+from cgroup.rigid.se3 import adjoint
+from cgroup.rigid.transforms import apply
+from cgroup.scenes import settings
+from cgroup.scenes.agreement import squared_errors
+from cgroup.scenes.links import Link
+from cgroup.types import FloatArray, IndexArray
+
+
+class KnownPoses:
+    """Known poses by row; while a scene is built, they are in the frame of the first of these scans."""
+
+    def __init__(self, poses: Mapping[int, FloatArray]) -> None:
+        self.rows = sorted(poses)
+        self._given = [poses[row] for row in self.rows]
+        self._base = self._given[0] if self.rows else np.eye(4)
+        self._poses = [invert(self._base) @ pose for pose in self._given]
+        self.pairs = {(row, self.rows[0]) for row in self.rows[1:]}
+        self.contradictions: list[tuple[int, int, float, float]] = []
+
+    def link(self, links: dict[tuple[int, int], Link], middles: FloatArray, voxel: float) -> None:
+        """Replace links by those of the known poses, to the first of these scans.
+
+        A found link that contradicts the known poses is removed, and noted.
+        """
+        place = dict(zip(self.rows, self._poses, strict=True))
+        for pair in [pair for pair in links if {*pair} <= place.keys() and links[pair].is_accepted]:
+            (source, target), found = pair, links[pair]
+            known, middle = invert(place[target]) @ place[source], middles[source][None]
+            error = squared_errors(found.pose[None], known[None], found.covariance[None], middle, voxel)[0]
+            if error > settings.DISAGREES:
+                way = float(np.linalg.norm(apply(found.pose, middle) - apply(known, middle)))
+                self.contradictions.append((*pair, rotation_error(found.pose, known), way))
+                del links[pair]
+        tight = np.diag([1e-12] * 3 + [1e-12 * voxel**2] * 3)
+        for source, target in self.pairs:
+            links.pop((target, source), None)
+            chance = np.array([settings.LARGEST_CHANCE])
+            links[source, target] = Link(place[source][None], chance, tight, 0.0, 0.0)
+
+    def settle(self, poses: FloatArray, labels: IndexArray) -> FloatArray:
+        """Move each component into the frame of its known scans, or else of its first scan."""
+        anchors, settled = labels.copy(), poses.copy()
+        for row in reversed(self.rows):
+            anchors[labels == labels[row]] = row
+        place = dict(zip(self.rows, self._poses, strict=True))
+        for anchor in np.unique(anchors):
+            own = anchors == anchor
+            settled[own] = place.get(int(anchor), np.eye(4)) @ invert(poses[anchor]) @ poses[own]
+        settled[self.rows] = np.reshape(self._poses, (-1, 4, 4))
+        return settled
+
+    def restore(self, poses: FloatArray, labels: IndexArray) -> FloatArray:
+        """Return settled poses in the frame of the known ones, which are exact."""
+        restored, own = poses.copy(), np.isin(labels, labels[self.rows])
+        restored[own] = self._base @ poses[own]
+        restored[self.rows] = np.reshape(self._given, (-1, 4, 4))
+        return restored
+
+    def hold(self, graph: PoseGraph) -> tuple[PoseGraph, IndexArray, FloatArray]:
+        """Return a graph whose first node is all known scans, the node of each scan, and its pose there."""
+        offsets, is_known = np.tile(np.eye(4), (len(graph.poses), 1, 1)), np.zeros(len(graph.poses), bool)
+        if not self.rows:
+            return graph, np.arange(len(graph.poses)), offsets
+        offsets[self.rows], is_known[self.rows] = self._poses, True
+        nodes = np.where(is_known, 0, np.cumsum(~is_known))
+        one, other = graph.edges.T
+        back = np.asarray(np.linalg.inv(offsets[other]), np.float64)
+        change = adjoint(back)
+        information = change.transpose(0, 2, 1) @ graph.information @ change
+        free = nodes[one] != nodes[other]
+        held = PoseGraph(
+            np.concatenate([np.eye(4)[None], graph.poses[~is_known]]),
+            nodes[graph.edges][free],
+            (offsets[one] @ graph.measurements @ back)[free],
+            ((information + information.transpose(0, 2, 1)) / 2)[free],
+            graph.probability[free],
+        )
+        return held, nodes, offsets
