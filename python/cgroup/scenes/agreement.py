@@ -11,6 +11,11 @@ from cgroup.scenes import settings
 from cgroup.types import FloatArray, IndexArray
 
 
+def move_each(poses: FloatArray, points: FloatArray) -> FloatArray:
+    """Return each point (n,3) under its own pose."""
+    return np.einsum("nij,nj->ni", poses[:, :3, :3], points) + poses[:, :3, 3]
+
+
 def squared_errors(
     found: FloatArray, expected: FloatArray, covariance: FloatArray, middles: FloatArray, voxel: float
 ) -> FloatArray:
@@ -19,8 +24,7 @@ def squared_errors(
     The covariances (n,6,6) are those of both together, in the target's frame; `middles` (n,3) are of the
     sources, and the voxel is the unit of the further deviation of every pose.
     """
-    places = np.einsum("nij,nj->ni", expected[:, :3, :3], middles) + expected[:, :3, 3]
-    landed = np.einsum("nij,nj->ni", found[:, :3, :3], middles) + found[:, :3, 3]
+    places, landed = move_each(expected, middles), move_each(found, middles)
     turns = rotation_vectors(found[:, :3, :3] @ expected[:, :3, :3].transpose(0, 2, 1))
     errors = np.concatenate([turns, landed - places], axis=1)
     change = np.tile(np.eye(6), (len(found), 1, 1))
@@ -65,18 +69,14 @@ def weigh_by_triangles(
     probability from the two scans alone, and the overlap of the surfaces. `middles` are those of all scans.
     """
     triangles = find_triangles(pairs, len(middles))
-    logits = np.log(np.clip(prior, settings.LEAST_SURE, settings.SUREST)) - np.log1p(
-        -np.clip(prior, settings.LEAST_SURE, settings.SUREST)
-    )
     if len(triangles) == 0:
         return prior.copy()
-    nodes = np.sort(pairs[triangles[:, 0]], axis=1)  # i < j
-    last = pairs[triangles[:, 1]].sum(axis=1) - nodes[:, 0]
-    i, j, k = nodes[:, 0], nodes[:, 1], last
-    ways = [
-        _into(to, pairs, poses, covariance, rows)
-        for rows, to in ((triangles[:, 0], i), (triangles[:, 1], i), (triangles[:, 2], k))
-    ]
+    bounded = np.clip(prior, settings.LEAST_SURE, settings.SUREST)
+    logits = np.log(bounded) - np.log1p(-bounded)
+    i, j = np.sort(pairs[triangles[:, 0]], axis=1).T  # i < j
+    k = pairs[triangles[:, 1]].sum(axis=1) - i
+    sides = zip(triangles.T, (i, i, k), strict=True)
+    ways = (_into(to, pairs, poses, covariance, rows) for rows, to in sides)
     (direct, one), (first, two), (second, three) = ways
     turned = adjoint(first)
     total = one + two + turned @ three @ turned.transpose(0, 2, 1)

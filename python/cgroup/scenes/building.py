@@ -18,7 +18,7 @@ from cgroup.scenes.agreement import weigh_by_triangles
 from cgroup.scenes.decide import Decision, decide, follow_best, graph_of, weigh_residuals
 from cgroup.scenes.join import Join, cross_tasks, link_unions, propose_joins, task_of, weigh_join
 from cgroup.scenes.known import KnownPoses
-from cgroup.scenes.links import Link, link, weigh_pose
+from cgroup.scenes.links import Link, Pair, link, stack_links, weigh_pose
 from cgroup.scenes.partners import choose_partners, describe_scans
 from cgroup.scenes.refine import find_overlapping, refine_on_unions, refine_pairs
 from cgroup.scenes.scene import Edge, Scene
@@ -42,11 +42,11 @@ class SceneBuilder:
         self.known = KnownPoses({})
         self._voxel = scans[0].voxel
         self._middles = np.array([scan.scan.centroid for scan in scans])
-        self._links: dict[tuple[int, int], Link] = {}
-        self._chances: dict[tuple[int, int], float] = {}
-        self._tried: set[tuple[int, int]] = set()
-        self._seen: set[tuple[int, int]] = set()  # links that the surfaces do not reject
-        self._firm: set[tuple[int, int]] = set()  # links of joined unions, and those within them
+        self._links: dict[Pair, Link] = {}
+        self._chances: dict[Pair, float] = {}
+        self._tried: set[Pair] = set()
+        self._seen: set[Pair] = set()  # links that the surfaces do not reject
+        self._firm: set[Pair] = set()  # links of joined unions, and those within them
         self._decision = self._decide()
 
     def _decide(self) -> Decision:
@@ -56,11 +56,9 @@ class SceneBuilder:
             unseen = [pair for pair in decision.kept if pair not in self._seen]
             self._seen.update(unseen)
             weighed = self._call(weigh_pose, [(pair, (self._links[pair].pose,)) for pair in unseen])
-            rejected = [
-                pair
-                for pair, found in zip(unseen, weighed, strict=True)
-                if found is None or found.probability < settings.REJECTED
-            ]
+            chances = [0.0 if found is None else found.probability for found in weighed]
+            judged = zip(unseen, chances, strict=True)
+            rejected = [pair for pair, chance in judged if chance < settings.REJECTED]
             if not rejected:
                 return decision
             self._chances.update(dict.fromkeys(rejected, 0.0))
@@ -69,7 +67,7 @@ class SceneBuilder:
 
     def register_pairs(
         self,
-        wanted: list[tuple[int, int]] | None,
+        wanted: list[Pair] | None,
         odometry: FloatArray | None,
         known: Mapping[int, FloatArray],
     ) -> None:
@@ -102,7 +100,7 @@ class SceneBuilder:
             left = settings.BUDGET * len(self.scans) - len(self._tried)
             wanted = choose_partners(similarity, self._tried, labels, settings.MORE_PARTNERS)[: max(left, 0)]
 
-    def _register(self, pairs: Sequence[tuple[int, int]]) -> None:
+    def _register(self, pairs: Sequence[Pair]) -> None:
         """Register pairs at coarse voxels, then the unconnected ones with a chance at fine voxels."""
         if self._effort != "high":
             self._link(pairs, "first")
@@ -111,9 +109,7 @@ class SceneBuilder:
             pairs = [pair for pair in unconnected if self._chances.get(pair, 1.0) > settings.HOPELESS]
         self._link(pairs, self._effort)
 
-    def _link(
-        self, pairs: Sequence[tuple[int, int]], effort: Depth, proposed: FloatArray | None = None
-    ) -> None:
+    def _link(self, pairs: Sequence[Pair], effort: Depth, proposed: FloatArray | None = None) -> None:
         starts = [None] * len(pairs) if proposed is None else [pose[None] for pose in proposed]
         tasks = [(pair, (self.axis, effort, start)) for pair, start in zip(pairs, starts, strict=True)]
         for pair, found in zip(pairs, self._call(link, tasks), strict=True):
@@ -205,7 +201,8 @@ class SceneBuilder:
         self._clock.start("refinement")
         labels = self._decision.labels
         self._decision = replace(self._decision, poses=self.known.settle(self._decision.poses, labels))
-        agreeing = {pair for pair, error in self._residuals().items() if error < settings.DISAGREES}
+        residuals = weigh_residuals(self._links, self._decision, self._middles, self._voxel)
+        agreeing = {pair for pair, error in residuals.items() if error < settings.DISAGREES}
         kept = self._weigh_kept(sorted({*agreeing, *self._decision.kept}))
         pairs = find_overlapping(self.scans, self._decision, kept)
         refined = refine_pairs(self._call, pairs, self._decision, self._middles, self._voxel)
@@ -214,6 +211,8 @@ class SceneBuilder:
         for _ in range(settings.UNION_ROUNDS):
             self._move(refine_on_unions(self._call, sorted(refined), self._decision))
         graph, nodes, _ = self.known.hold(self._graph(refined))
+        found, measured, *_ = stack_links(self._links, list(kept))
+        _, _, least = follow_best(found, measured, np.array(list(kept.values())), len(self.scans))
         poses = self.known.restore(self._decision.poses, labels)
         changes = zip(nodes.tolist(), map(adjoint, poses), strict=True)
         covariance = np.array([by @ graph.covariance(node) @ by.T for node, by in changes])
@@ -221,7 +220,7 @@ class SceneBuilder:
             poses=poses,
             components=self._decision.components,
             edges=self._edges(kept),
-            probability=self._probabilities(kept),
+            probability=least,
             covariance=covariance,
             names=[],
             scans=(),
@@ -232,48 +231,28 @@ class SceneBuilder:
             seconds=self._clock.stop(),
         )
 
-    def _residuals(self) -> dict[tuple[int, int], float]:
-        return weigh_residuals(self._links, self._decision, self._middles, self._voxel)
-
     def _move(self, graph: PoseGraph) -> None:
         held, nodes, offsets = self.known.hold(graph)
         poses = held.optimize(start="given").poses[nodes] @ offsets
         self._decision = replace(self._decision, poses=self.known.settle(poses, self._decision.labels))
 
-    def _graph(self, refined: dict[tuple[int, int], Link]) -> PoseGraph:
-        rows = sorted(refined)
-        return graph_of(
-            self._decision.poses,
-            np.array(rows, dtype=np.int64).reshape(-1, 2),
-            np.array([refined[pair].pose for pair in rows]).reshape(-1, 4, 4),
-            np.array([refined[pair].covariance for pair in rows]).reshape(-1, 6, 6),
-            np.full(len(rows), settings.FIRM),
-            self._middles,
-            self._voxel,
-            settings.EXACT,
-        )
+    def _graph(self, refined: dict[Pair, Link]) -> PoseGraph:
+        pairs, poses, spread, _ = stack_links(refined, sorted(refined))
+        chances, own = np.full(len(pairs), settings.FIRM), self._decision.poses
+        return graph_of(own, pairs, poses, spread, chances, self._middles, self._voxel, settings.EXACT)
 
-    def _weigh_kept(self, kept: Sequence[tuple[int, int]]) -> dict[tuple[int, int], float]:
+    def _weigh_kept(self, kept: Sequence[Pair]) -> dict[Pair, float]:
         """Return the joint probability of each link that agrees with the scene."""
-        posterior = weigh_by_triangles(
-            np.array(kept, dtype=np.int64).reshape(-1, 2),
-            np.array([self._links[pair].pose for pair in kept]).reshape(-1, 4, 4),
-            np.array([self._links[pair].covariance for pair in kept]).reshape(-1, 6, 6),
-            np.array([self._chances[pair] for pair in kept]),
-            np.array([self._links[pair].overlap for pair in kept]),
-            self._middles,
-            self._voxel,
-        )
+        pairs, poses, spread, overlap = stack_links(self._links, kept)
+        prior = np.array([self._chances[pair] for pair in kept])
+        found = weigh_by_triangles(pairs, poses, spread, prior, overlap, self._middles, self._voxel).tolist()
         decided = self._decision.kept
-        return {
-            pair: max(chance, decided.get(pair, 0.0))
-            for pair, chance in zip(kept, posterior.tolist(), strict=True)
-        }
+        return {pair: max(chance, decided.get(pair, 0.0)) for pair, chance in zip(kept, found, strict=True)}
 
-    def _edges(self, kept: Mapping[tuple[int, int], float]) -> list[Edge]:
+    def _edges(self, kept: Mapping[Pair, float]) -> list[Edge]:
         """Return the accepted links, and the links that others confirm."""
         edges: list[Edge] = []
-        residuals = self._residuals()
+        residuals = weigh_residuals(self._links, self._decision, self._middles, self._voxel)
         for pair, found in sorted(self._links.items()):
             chance = kept.get(pair, found.probability)
             if not is_accepted(chance):
@@ -281,30 +260,13 @@ class SceneBuilder:
             residual = residuals[pair] ** 0.5 if pair in residuals else np.nan
             is_doubtful = np.isnan(residual) and chance < settings.FIRM
             reason = "doubtful poses join no components" if is_doubtful else "the other scans contradict it"
-            edges.append(
-                Edge(
-                    *pair,
-                    found.pose,
-                    chance,
-                    found.covariance,
-                    found.fitness,
-                    found.target_fitness,
-                    pair in kept,
-                    residual,
-                    "" if pair in kept else reason,
-                )
-            )
+            state = (True, residual, "") if pair in kept else (False, residual, reason)
+            shares = found.fitness, found.target_fitness
+            edges.append(Edge(*pair, found.pose, chance, found.covariance, *shares, *state))
         return edges
 
     def _count_false_accepts(self) -> FalseAccepts:
         """Estimate the wrong ones among the links that are accepted from their two scans."""
         links = [found for found in self._links.values() if not np.isnan(found.decoy)]
-        return count_false_accepts(
-            [found.is_accepted for found in links], [is_accepted(found.decoy) for found in links]
-        )
-
-    def _probabilities(self, kept: Mapping[tuple[int, int], float]) -> FloatArray:
-        """Return the least probable link on the best path from the first scan of its component to each."""
-        pairs = np.array(list(kept), dtype=np.int64).reshape(-1, 2)
-        poses = np.array([self._links[pair].pose for pair in kept]).reshape(-1, 4, 4)
-        return follow_best(pairs, poses, np.array(list(kept.values())), len(self.scans))[2]
+        decoys = [is_accepted(found.decoy) for found in links]
+        return count_false_accepts([found.is_accepted for found in links], decoys)

@@ -13,7 +13,7 @@ from cgroup.rigid import invert
 from cgroup.rigid.se3 import about, covariance_in
 from cgroup.scenes import settings
 from cgroup.scenes.agreement import squared_errors, weigh_by_triangles
-from cgroup.scenes.links import Link
+from cgroup.scenes.links import Link, Pair, stack_links
 from cgroup.types import BoolArray, FloatArray, IndexArray
 
 
@@ -23,7 +23,7 @@ class Decision:
 
     poses: FloatArray  # (N,4,4), scan to component
     labels: IndexArray  # (N,), component of each scan, the least row in it
-    kept: dict[tuple[int, int], float]  # probability of each selected link, by (source, target)
+    kept: dict[Pair, float]  # probability of each selected link, by (source, target)
 
     @property
     def components(self) -> list[list[int]]:
@@ -37,9 +37,9 @@ class Decision:
 
 
 def decide(
-    links: Mapping[tuple[int, int], Link],
-    chances: Mapping[tuple[int, int], float],
-    firm: Collection[tuple[int, int]],
+    links: Mapping[Pair, Link],
+    chances: Mapping[Pair, float],
+    firm: Collection[Pair],
     middles: FloatArray,
     voxel: float,
 ) -> Decision:
@@ -50,11 +50,8 @@ def decide(
     """
     count = len(middles)
     rows = [pair for pair in sorted(links) if chances[pair] >= ACCEPTED]
-    pairs = np.array(rows, dtype=np.int64).reshape(-1, 2)
-    measured = np.array([links[pair].pose for pair in rows]).reshape(-1, 4, 4)
-    spread = np.array([links[pair].covariance for pair in rows]).reshape(-1, 6, 6)
+    pairs, measured, spread, overlap = stack_links(links, rows)
     prior = np.array([chances[pair] for pair in rows])
-    overlap = np.array([links[pair].overlap for pair in rows])
     posterior = weigh_by_triangles(pairs, measured, spread, prior, overlap, middles, voxel)
     likely = posterior >= ACCEPTED
     start, _, _ = follow_best(pairs[likely], measured[likely], posterior[likely], count)
@@ -65,7 +62,8 @@ def decide(
     kept[kept] = drop_weak_bridges(pairs[kept], prior[kept], is_firm[kept], count)
     poses, labels, _ = follow_best(pairs[kept], measured[kept], posterior[kept], count)
     graph = graph_of(poses, pairs[kept], measured[kept], spread[kept], posterior[kept], middles, voxel)
-    poses = anchor(graph.optimize(start="given").poses, labels)
+    solved = graph.optimize(start="given").poses
+    poses = np.array([invert(solved[label]) @ pose for label, pose in zip(labels, solved, strict=True)])
     selected = {rows[row]: float(posterior[row]) for row in np.flatnonzero(kept)}
     return Decision(poses, labels, selected)
 
@@ -116,11 +114,6 @@ def follow_best(
     return poses, labels, least
 
 
-def anchor(poses: FloatArray, labels: IndexArray) -> FloatArray:
-    """Move each component into the frame of its first scan."""
-    return np.array([invert(poses[label]) @ pose for pose, label in zip(poses, labels, strict=True)])
-
-
 def drop_contradicted(
     pairs: IndexArray, kept: BoolArray, prior: FloatArray, posterior: FloatArray, count: int
 ) -> BoolArray:
@@ -159,9 +152,9 @@ def drop_weak_bridges(pairs: IndexArray, prior: FloatArray, firm: BoolArray, cou
     return labels[pairs[:, 0]] == labels[pairs[:, 1]]
 
 
-def _sum_independent(sides: IndexArray, pairs: IndexArray, nats: FloatArray) -> dict[tuple[int, int], float]:
+def _sum_independent(sides: IndexArray, pairs: IndexArray, nats: FloatArray) -> dict[Pair, float]:
     """Sum the nats of links without a common scan between each two parts, the most probable first."""
-    sums: dict[tuple[int, int], float] = {}
+    sums: dict[Pair, float] = {}
     used: set[tuple[int, int, int]] = set()
     for row in np.argsort(-nats, kind="stable").tolist():
         least, most = sides[row].tolist()
@@ -179,14 +172,13 @@ def log_odds(chances: FloatArray) -> FloatArray:
 
 
 def weigh_residuals(
-    links: Mapping[tuple[int, int], Link], decision: Decision, middles: FloatArray, voxel: float
-) -> dict[tuple[int, int], float]:
+    links: Mapping[Pair, Link], decision: Decision, middles: FloatArray, voxel: float
+) -> dict[Pair, float]:
     """Return the squared weighted distances of the links within components from the scene's poses."""
     rows = [pair for pair in sorted(links) if decision.labels[pair[0]] == decision.labels[pair[1]]]
     if not rows:
         return {}
-    found = np.array([links[pair].pose for pair in rows])
+    pairs, found, spread, _ = stack_links(links, rows)
     expected = np.array([decision.between(*pair) for pair in rows])
-    spread = np.array([links[pair].covariance for pair in rows])
-    errors = squared_errors(found, expected, spread, middles[[pair[0] for pair in rows]], voxel)
+    errors = squared_errors(found, expected, spread, middles[pairs[:, 0]], voxel)
     return dict(zip(rows, errors.tolist(), strict=True))

@@ -21,11 +21,7 @@ from cgroup.scenes.workers import open_workers
 @report_refused_memory()
 @explain_wrong_calls
 def false_joins(
-    scene: Scene,
-    *,
-    scans: int = 10,
-    threads: int | None = None,
-    progress: Callable[[str], Any] | None = None,
+    scene: Scene, *, scans: int = 10, threads: int | None = None, progress: Callable[[str], Any] | None = None
 ) -> FalseAccepts:
     """Estimate how many of the joined scans of a scene are wrong.
 
@@ -74,9 +70,8 @@ def false_joins(
         begin(f"mirrored scan {number + 1} of {count}")
         scan = building.scans[row]
         image, eye = mirror_image(scan.scan, scan.viewpoint, building.axis)
-        mirrored = (
-            Preparation(scan.voxel, scan.front, 1).prepare(image, eye, by_frames=scan.by_frames).begin()
-        )
+        shared = Preparation(scan.voxel, scan.front, 1)
+        mirrored = shared.prepare(image, eye, by_frames=scan.by_frames).begin()
         with open_workers([*building.scans, mirrored], threads) as call:
             grown = building.grown(mirrored, call)
             grown.join()

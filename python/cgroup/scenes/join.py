@@ -1,7 +1,6 @@
 """Join components by registering unions of scans, which may overlap where single scans do not."""
 
-from __future__ import annotations
-
+import itertools
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -13,9 +12,10 @@ from cgroup.registration import Effort, PreparedScan
 from cgroup.registration.pairwise import Preparation, choose_apart
 from cgroup.rigid import apply, invert
 from cgroup.scenes import settings
+from cgroup.scenes.agreement import move_each
 from cgroup.scenes.decide import Decision, log_odds
 from cgroup.scenes.kept_links import Task
-from cgroup.scenes.links import Link, link
+from cgroup.scenes.links import Link, Pair, link
 from cgroup.types import FloatArray, PointCloud
 
 
@@ -40,11 +40,9 @@ def merge_scans(scans: Sequence[PreparedScan], poses: FloatArray) -> PreparedSca
     if len(scans) == 1:
         return first
     moved = [apply(pose, scan.thinned(settings.FINEST)) for scan, pose in zip(scans, poses, strict=True)]
-    thinned = features.voxel_downsample(
-        np.concatenate(moved), settings.FINEST * first.voxel, threads=1
-    ).points
+    thinned = features.voxel_downsample(np.concatenate(moved), settings.FINEST * first.voxel, threads=1)
     shared = Preparation(first.voxel, first.front, 1)
-    return shared.prepare(as_scan("scans", PointCloud(thinned)), None, by_frames=True)
+    return shared.prepare(as_scan("scans", PointCloud(thinned.points)), None, by_frames=True)
 
 
 def link_unions(*scans_and_arguments: Any) -> Link | None:  # noqa: ANN401 - scans, and what follows
@@ -59,10 +57,10 @@ def link_unions(*scans_and_arguments: Any) -> Link | None:  # noqa: ANN401 - sca
 
 
 def propose_joins(
-    links: Mapping[tuple[int, int], Link], decision: Decision, middles: FloatArray, voxel: float
+    links: Mapping[Pair, Link], decision: Decision, middles: FloatArray, voxel: float
 ) -> list[Join]:
     """Propose poses between components from the unselected poses of links, the likeliest first."""
-    hypotheses: dict[tuple[int, int], list[tuple[float, tuple[int, int], FloatArray]]] = {}
+    hypotheses: dict[Pair, list[tuple[float, Pair, FloatArray]]] = {}
     sizes = np.bincount(decision.labels)
     for (source, target), found in sorted(links.items()):
         one, other = int(decision.labels[source]), int(decision.labels[target])
@@ -80,7 +78,7 @@ def propose_joins(
 
 
 def _join_of(
-    hypotheses: list[tuple[float, tuple[int, int], FloatArray]],
+    hypotheses: list[tuple[float, Pair, FloatArray]],
     decision: Decision,
     middles: FloatArray,
     voxel: float,
@@ -106,17 +104,14 @@ def _support(poses: FloatArray, chances: FloatArray, center: FloatArray, voxel: 
     landed = poses[:, :3, :3] @ center + poses[:, :3, 3]
     near = np.linalg.norm(landed[:, None] - landed, axis=2) < settings.NEAR * voxel
     turns = np.einsum("nij,mij->nm", poses[:, :3, :3], poses[:, :3, :3])
-    return (near & (turns > 1 + 2 * np.cos(settings.ALIKE))) @ (
-        chances + settings.AGREEING
-    ) - settings.AGREEING
+    alike = near & (turns > 1 + 2 * np.cos(settings.ALIKE))
+    return alike @ (chances + settings.AGREEING) - settings.AGREEING
 
 
 def gather_around(scan: int, decision: Decision, middles: FloatArray) -> list[int]:
     """Return the rows of a scan and of those next to it in its component."""
     rows = np.flatnonzero(decision.labels == decision.labels[scan])
-    places = (
-        np.einsum("nij,nj->ni", decision.poses[rows, :3, :3], middles[rows]) + decision.poses[rows, :3, 3]
-    )
+    places = move_each(decision.poses[rows], middles[rows])
     away = np.linalg.norm(places - places[rows == scan], axis=1)
     away[rows == scan] = -1.0
     return rows[np.argsort(away, kind="stable")[: settings.IN_A_UNION]].tolist()
@@ -129,18 +124,13 @@ def task_of(join: Join, decision: Decision, axis: FloatArray | None, effort: Eff
     return (*parts[0], *parts[1]), (len(parts[0]), poses, axis, effort, join.proposed)
 
 
-def cross_tasks(
-    join: Join, decision: Decision, pose: FloatArray
-) -> list[tuple[tuple[int, int], tuple[FloatArray]]]:
+def cross_tasks(join: Join, decision: Decision, pose: FloatArray) -> list[Task]:
     """Return the tasks that evaluate each pair across a join at its pose."""
-    return [
-        (
-            (source, target),
-            (decision.between(join.target, target) @ pose @ decision.between(source, join.source),),
-        )
-        for source in join.around_source
-        for target in join.around_target
-    ]
+    tasks: list[Task] = []
+    for source, target in itertools.product(join.around_source, join.around_target):
+        expected = decision.between(join.target, target) @ pose @ decision.between(source, join.source)
+        tasks.append(((source, target), (expected,)))
+    return tasks
 
 
 def weigh_join(union: Link, across: Sequence[Sequence[Link | None]]) -> float:
@@ -155,15 +145,10 @@ def weigh_join(union: Link, across: Sequence[Sequence[Link | None]]) -> float:
     best = np.array([max((found.probability for found in some), default=0.0) for some in known])
     weights = union.chances * np.maximum(best, settings.LEAST_CHANCE)
     among = union.chances.sum() * weights[0] / weights.sum()
-    against = sum(
-        nats if found.overlap >= settings.TELLING else max(nats, 0.0)
-        for found, nats in (
-            (found, _bounded_odds(found.probability, settings.MOST_NATS_AGAINST)) for found in known[0]
-        )
-    )
-    return float(
-        1.0 / (1.0 + np.exp(-_bounded_odds(among, settings.MOST_NATS_OF_UNIONS) - min(against, 0.0)))
-    )
+    fits = [(one.overlap, _bounded_odds(one.probability, settings.MOST_NATS_AGAINST)) for one in known[0]]
+    against = sum(nats if overlap >= settings.TELLING else max(nats, 0.0) for overlap, nats in fits)
+    nats = _bounded_odds(among, settings.MOST_NATS_OF_UNIONS) + min(against, 0.0)
+    return float(1.0 / (1.0 + np.exp(-nats)))
 
 
 def _bounded_odds(probability: float, most: float) -> float:

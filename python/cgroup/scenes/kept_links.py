@@ -81,7 +81,9 @@ class KeptLinks:
     def _key(self, function: Callable[..., Any], rows: Sequence[int], arguments: Sequence[object]) -> bytes:
         for row in rows:
             if row not in self._digests:
-                self._digests[row] = _digest(*_contents(self._scans[row]))
+                scan = self._scans[row]
+                facts = scan.voxel, scan.viewpoint, scan.by_frames, scan.front
+                self._digests[row] = _digest(*facts, scan.scan.cloud.points, scan.scan.normals)
         name = f"{function.__module__}.{function.__qualname__}"
         return _digest(__version__, name, *(self._digests[row] for row in rows), *arguments)
 
@@ -98,10 +100,6 @@ class KeptLinks:
 
 def _unusable(path: Path, reason: str) -> InputError:
     return InputError("keep", path, f"{reason}; give another path, or move the file away")
-
-
-def _contents(scan: PreparedScan) -> tuple[object, ...]:
-    return scan.voxel, scan.viewpoint, scan.by_frames, scan.front, scan.scan.cloud.points, scan.scan.normals
 
 
 def _digest(*values: object) -> bytes:

@@ -12,7 +12,7 @@ from cgroup.rigid.se3 import adjoint
 from cgroup.rigid.transforms import apply
 from cgroup.scenes import settings
 from cgroup.scenes.agreement import squared_errors
-from cgroup.scenes.links import Link
+from cgroup.scenes.links import Link, Pair
 from cgroup.types import FloatArray, IndexArray
 
 
@@ -24,18 +24,18 @@ class KnownPoses:
         self._given = [poses[row] for row in self.rows]
         self._base = self._given[0] if self.rows else np.eye(4)
         self._poses = [invert(self._base) @ pose for pose in self._given]
+        self._place = dict(zip(self.rows, self._poses, strict=True))
         self.pairs = {(row, self.rows[0]) for row in self.rows[1:]}
         self.contradictions: list[tuple[int, int, float, float]] = []
 
-    def link(self, links: dict[tuple[int, int], Link], middles: FloatArray, voxel: float) -> None:
+    def link(self, links: dict[Pair, Link], middles: FloatArray, voxel: float) -> None:
         """Replace links by those of the known poses, to the first of these scans.
 
         A found link that contradicts the known poses is removed, and noted.
         """
-        place = dict(zip(self.rows, self._poses, strict=True))
-        for pair in [pair for pair in links if {*pair} <= place.keys() and links[pair].is_accepted]:
+        for pair in [pair for pair in links if {*pair} <= self._place.keys() and links[pair].is_accepted]:
             (source, target), found = pair, links[pair]
-            known, middle = invert(place[target]) @ place[source], middles[source][None]
+            known, middle = invert(self._place[target]) @ self._place[source], middles[source][None]
             error = squared_errors(found.pose[None], known[None], found.covariance[None], middle, voxel)[0]
             if error > settings.DISAGREES:
                 way = float(np.linalg.norm(apply(found.pose, middle) - apply(known, middle)))
@@ -45,17 +45,16 @@ class KnownPoses:
         for source, target in self.pairs:
             links.pop((target, source), None)
             chance = np.array([settings.LARGEST_CHANCE])
-            links[source, target] = Link(place[source][None], chance, tight, 0.0, 0.0)
+            links[source, target] = Link(self._place[source][None], chance, tight, 0.0, 0.0)
 
     def settle(self, poses: FloatArray, labels: IndexArray) -> FloatArray:
         """Move each component into the frame of its known scans, or else of its first scan."""
         anchors, settled = labels.copy(), poses.copy()
         for row in reversed(self.rows):
             anchors[labels == labels[row]] = row
-        place = dict(zip(self.rows, self._poses, strict=True))
         for anchor in np.unique(anchors):
             own = anchors == anchor
-            settled[own] = place.get(int(anchor), np.eye(4)) @ invert(poses[anchor]) @ poses[own]
+            settled[own] = self._place.get(int(anchor), np.eye(4)) @ invert(poses[anchor]) @ poses[own]
         settled[self.rows] = np.reshape(self._poses, (-1, 4, 4))
         return settled
 

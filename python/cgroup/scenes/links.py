@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
@@ -10,7 +12,10 @@ from cgroup._runtime.progress import StageClock, ignore_progress
 from cgroup.registration import PreparedScan
 from cgroup.registration.pairwise import Depth, Found, Search, bound_by_motions, confirm_pose, is_accepted
 from cgroup.rigid.se3 import adjoint
-from cgroup.types import FloatArray
+from cgroup.types import FloatArray, IndexArray
+
+Pair: TypeAlias = "tuple[int, int]"
+"""Rows of the source and of the target."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +58,19 @@ class Link:
         return Link(back, self.chances, covariance, self.target_fitness, self.fitness, self.decoy)
 
 
+def stack_links(
+    links: Mapping[Pair, Link], pairs: Sequence[Pair]
+) -> tuple[IndexArray, FloatArray, FloatArray, FloatArray]:
+    """Return pairs (n,2) with their best poses (n,4,4), covariances (n,6,6) and overlaps (n,)."""
+    some = [links[pair] for pair in pairs]
+    return (
+        np.array(pairs, dtype=np.int64).reshape(-1, 2),
+        np.array([one.pose for one in some]).reshape(-1, 4, 4),
+        np.array([one.covariance for one in some]).reshape(-1, 6, 6),
+        np.array([one.overlap for one in some]),
+    )
+
+
 def link(
     source: PreparedScan,
     target: PreparedScan,
@@ -77,9 +95,7 @@ def link(
 def confirm(source: PreparedScan, target: PreparedScan, pose: FloatArray) -> Link | None:
     """Refine a predicted pose, and estimate its probability alone; None without overlap."""
     found = confirm_pose(*_oriented_alike(source, target), pose, 1)
-    if found is None:
-        return None
-    return _link_of(found, found.covariance())
+    return None if found is None else _link_of(found, found.covariance())
 
 
 def weigh_pose(source: PreparedScan, target: PreparedScan, pose: FloatArray) -> Link | None:

@@ -9,6 +9,7 @@ from numpy.random import default_rng
 
 from cgroup.registration import PreparedScan
 from cgroup.scenes import settings
+from cgroup.scenes.links import Pair
 from cgroup.types import FloatArray
 
 
@@ -30,9 +31,8 @@ def describe_scans(scans: Sequence[PreparedScan]) -> FloatArray:
     training = np.concatenate([values[: max(settings.TRAINING // len(drawn), 50)] for values in drawn])
     mean, deviation = training.mean(axis=0), training.std(axis=0) + 1e-9
     _, sizes, axes = np.linalg.svd((training - mean) / deviation, full_matrices=False)
-    axes = (
-        axes[: settings.DIMENSIONS] / (sizes[: settings.DIMENSIONS, None] / np.sqrt(len(training)) + 1e-3)
-    ).T
+    axes, sizes = axes[: settings.DIMENSIONS].T, sizes[: settings.DIMENSIONS]
+    axes = axes / (sizes / np.sqrt(len(training)) + 1e-3)
     mixture = _fit_mixture(((training - mean) / deviation) @ axes, rng)
     return np.array([_fisher_vector(((values - mean) / deviation) @ axes, *mixture) for values in drawn])
 
@@ -55,9 +55,8 @@ def _moments(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Assign each value to K Gaussians; return sums of the weights, (K,1), values, and squares."""
     precision = 1.0 / variances
-    squares = (
-        values**2 @ precision.T - 2.0 * values @ (means * precision).T + (means**2 * precision).sum(axis=1)
-    )
+    squares = values**2 @ precision.T - 2.0 * values @ (means * precision).T
+    squares += (means**2 * precision).sum(axis=1)
     logs = np.log(weights) - 0.5 * (squares + np.log(variances).sum(axis=1))
     shares = np.exp(logs - logs.max(axis=1, keepdims=True))
     shares /= shares.sum(axis=1, keepdims=True)
@@ -77,8 +76,8 @@ def _fisher_vector(
 
 
 def choose_partners(
-    similarity: FloatArray, tried: Collection[tuple[int, int]], labels: Sequence[int] | None, each: int
-) -> list[tuple[int, int]]:
+    similarity: FloatArray, tried: Collection[Pair], labels: Sequence[int] | None, each: int
+) -> list[Pair]:
     """Return pairs (larger row, smaller row) of each scan and the most similar ones, the most similar first.
 
     Tried pairs are left out, and with labels of components also pairs within one.
@@ -89,7 +88,7 @@ def choose_partners(
         left[one, other] = left[other, one] = -np.inf
     if labels is not None:
         left[np.equal.outer(labels, labels)] = -np.inf
-    chosen: set[tuple[int, int]] = set()
+    chosen: set[Pair] = set()
     for row in range(len(left)):
         order = np.argsort(-left[row], kind="stable")[:each]
         chosen.update((max(row, k), min(row, k)) for k in order.tolist() if np.isfinite(left[row, k]))

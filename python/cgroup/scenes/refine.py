@@ -1,7 +1,6 @@
 """Refine all scans of a scene together, on their surfaces."""
 
-from __future__ import annotations
-
+import itertools
 from collections import Counter, defaultdict
 from collections.abc import Collection, Sequence
 from typing import Any
@@ -16,15 +15,13 @@ from cgroup.rigid import apply
 from cgroup.scenes import settings
 from cgroup.scenes.agreement import squared_errors
 from cgroup.scenes.decide import Decision
-from cgroup.scenes.links import Link, confirm
+from cgroup.scenes.links import Link, Pair, confirm, stack_links
 from cgroup.scenes.workers import CallEach
 from cgroup.types import FloatArray
 from cgroup.verification import FineSurface, align
 
 
-def find_overlapping(
-    scans: Sequence[PreparedScan], decision: Decision, kept: Collection[tuple[int, int]]
-) -> list[tuple[int, int]]:
+def find_overlapping(scans: Sequence[PreparedScan], decision: Decision, kept: Collection[Pair]) -> list[Pair]:
     """Return the pairs of largest overlap of each scan, and the kept ones."""
     holders: dict[tuple[int, ...], list[int]] = defaultdict(list)
     sizes = np.zeros(len(scans))
@@ -35,7 +32,7 @@ def find_overlapping(
         label = int(decision.labels[row])
         for cell in cells.tolist():
             holders[(label, *cell)].append(row)
-    shared: Counter[tuple[int, int]] = Counter()
+    shared: Counter[Pair] = Counter()
     for rows in holders.values():
         shared.update((one, other) for k, one in enumerate(rows) for other in rows[:k])
     partners: dict[int, list[tuple[float, int]]] = defaultdict(list)
@@ -53,30 +50,21 @@ def find_overlapping(
 
 
 def refine_pairs(
-    call: CallEach, pairs: Sequence[tuple[int, int]], decision: Decision, middles: FloatArray, voxel: float
-) -> dict[tuple[int, int], Link]:
+    call: CallEach, pairs: Sequence[Pair], decision: Decision, middles: FloatArray, voxel: float
+) -> dict[Pair, Link]:
     """Refine the pose of each pair from that of the scene; return those that stay near it."""
-    expected = [decision.between(*pair) for pair in pairs]
-    found = call(confirm, [(pair, (pose,)) for pair, pose in zip(pairs, expected, strict=True)])
-    rows = [row for row, one in enumerate(found) if one is not None]
-    if not rows:
+    found = call(confirm, [(pair, (decision.between(*pair),)) for pair in pairs])
+    links = {pair: one for pair, one in zip(pairs, found, strict=True) if one is not None}
+    if not links:
         return {}
-    errors = squared_errors(
-        np.array([found[row].pose for row in rows]),
-        np.array([expected[row] for row in rows]),
-        np.array([found[row].covariance for row in rows]),
-        middles[[pairs[row][0] for row in rows]],
-        voxel,
-    )
-    return {
-        pairs[row]: found[row]
-        for row, error in zip(rows, errors.tolist(), strict=True)
-        if error < settings.DISAGREES
-        and min(found[row].fitness, found[row].target_fitness) >= settings.LEAST_FITNESS
-    }
+    rows, poses, spread, overlap = stack_links(links, list(links))
+    wanted = np.array([decision.between(*pair) for pair in links])
+    errors = squared_errors(poses, wanted, spread, middles[rows[:, 0]], voxel)
+    is_near = (errors < settings.DISAGREES) & (overlap >= settings.LEAST_FITNESS)
+    return dict(itertools.compress(links.items(), is_near))
 
 
-def refine_on_unions(call: CallEach, pairs: Sequence[tuple[int, int]], decision: Decision) -> PoseGraph:
+def refine_on_unions(call: CallEach, pairs: Sequence[Pair], decision: Decision) -> PoseGraph:
     """Refine each scan on the union of its partners; return the pose graph of the results."""
     beside: dict[int, list[int]] = defaultdict(list)
     for one, other in pairs:
@@ -84,10 +72,9 @@ def refine_on_unions(call: CallEach, pairs: Sequence[tuple[int, int]], decision:
         beside[other].append(one)
     rows = sorted(beside)
     around = [np.array([decision.between(other, row) for other in beside[row]]) for row in rows]
-    found = call(
-        refine_on_union, [((row, *beside[row]), (poses,)) for row, poses in zip(rows, around, strict=True)]
-    )
-    edges: list[tuple[int, int]] = []
+    tasks = [((row, *beside[row]), (poses,)) for row, poses in zip(rows, around, strict=True)]
+    found = call(refine_on_union, tasks)
+    edges: list[Pair] = []
     measured: list[FloatArray] = []
     information: list[FloatArray] = []
     for row, one in zip(rows, found, strict=True):

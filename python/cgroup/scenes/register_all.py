@@ -209,15 +209,13 @@ def _prepare_each(
 def _find_repeats(names: list[str], scans: dict[int, PreparedScan]) -> list[str]:
     """Return notes on scans with the points of an earlier one."""
     first: dict[bytes, int] = {}
-    earlier = {
-        row: first.setdefault(sha256(scan.scan.cloud.points.tobytes()).digest(), row)
-        for row, scan in scans.items()
-    }
-    return [
-        f"{names[row]} has the same points as {names[one]}: the same scan twice adds nothing"
-        for row, one in earlier.items()
-        if row != one
-    ]
+    notes: list[str] = []
+    for row, scan in scans.items():
+        one = first.setdefault(sha256(scan.scan.cloud.points.tobytes()).digest(), row)
+        if one != row:
+            same = f"{names[row]} has the same points as {names[one]}"
+            notes.append(f"{same}: the same scan twice adds nothing")
+    return notes
 
 
 def _finish(
@@ -231,6 +229,7 @@ def _finish(
         every[rows] = values
         return every
 
+    contradictions = _list_contradictions(building, scene, [names[row] for row in rows])
     return replace(
         scene,
         poses=spread(scene.poses),
@@ -240,25 +239,19 @@ def _finish(
         edges=[replace(edge, source=rows[edge.source], target=rows[edge.target]) for edge in scene.edges],
         names=names,
         scans=tuple(given),
-        notes=(
-            *notes,
-            *_list_contradictions(building, scene, rows, names),
-            *_say_components([len(part) for part in scene.components]),
-        ),
+        notes=(*notes, *contradictions, *_say_components([len(part) for part in scene.components])),
         made=(building, rows, notes),
     )
 
 
-def _list_contradictions(
-    building: SceneBuilder, scene: Scene, rows: list[int], names: list[str]
-) -> list[str]:
+def _list_contradictions(building: SceneBuilder, scene: Scene, names: list[str]) -> list[str]:
     dropped = [
-        f"{names[rows[edge.source]]} and {names[rows[edge.target]]}: other scans contradict their known poses"
+        f"{names[edge.source]} and {names[edge.target]}: other scans contradict their known poses"
         for edge in scene.edges
         if (edge.source, edge.target) in building.known.pairs and not edge.kept
     ]
     return dropped + [
-        f"{names[rows[source]]} on {names[rows[target]]}: their surfaces contradict the known poses, "
+        f"{names[source]} on {names[target]}: their surfaces contradict the known poses, "
         f"by {turn:.2g} degrees and {way:.3g} at the middle"
         for source, target, turn, way in building.known.contradictions
     ]

@@ -236,7 +236,8 @@ class Scene:
     def write(self, path: str | os.PathLike[str], *, component: int = 0) -> None:
         """Write poses, the pose graph, or the merged cloud of a component.
 
-        Scans of other components are left out: they have no pose in its frame.
+        Scans of other components are left out: they have no pose in its frame. `component` is as for
+        `merged`.
 
         Parameters
         ----------
@@ -245,8 +246,6 @@ class Scene:
             the order of `components`), ``.log`` (Redwood). The graph of kept edges: ``.g2o``, ``.json``
             (Open3D). The cloud of `merged`: ``.ply``, ``.pcd``. All but the clouds have the names of the
             scans by row; KITTI's and Redwood's are in a second file such as ``poses.kitti.names``.
-        component : int
-            Row of `components`.
         """
         path = written_path(path, "scenes", *POSE_FORMATS, *_GRAPHS, *_CLOUDS)
         rows, suffix = self._component(component), path.suffix.lower()
@@ -265,12 +264,7 @@ class Scene:
         """Draw the merged scans of a component, and the graph of their edges.
 
         Scans are coloured one by one and seen along their thinnest direction, maps from above. Edges of the
-        graph are coloured by residual; dropped ones are dashed.
-
-        Parameters
-        ----------
-        component : int
-            Row of `components`.
+        graph are coloured by residual; dropped ones are dashed. `component` is as for `merged`.
 
         Returns
         -------
@@ -280,9 +274,8 @@ class Scene:
         with naming_missing_library():
             from cgroup.plots.scans import scans_figure  # noqa: PLC0415 - needs matplotlib
         rows = self._component(component)
-        edges = [
-            (source, target, edge.residual, edge.kept) for source, target, edge in self._edges_among(rows)
-        ]
+        among = self._edges_among(rows)
+        edges = [(source, target, edge.residual, edge.kept) for source, target, edge in among]
         clouds = [cloud.points for cloud in self._posed(rows)]
         colors = scan_colors(len(self.scans))[rows] / 255
         return scans_figure(clouds, [self.names[row] for row in rows], colors, edges)
@@ -324,7 +317,6 @@ def cloud_of(scene: Scene, row: int) -> PointCloud:
             registered = registered[: len(cloud)]
         if not np.array_equal(registered, cloud.points):
             place = scan if isinstance(scan, str | os.PathLike) else name
-            raise InputError(
-                f"{place}: was changed since it was registered, and its pose may be wrong; register again"
-            )
+            changed = "was changed since it was registered, and its pose may be wrong; register again"
+            raise InputError(f"{place}: {changed}")
     return cloud

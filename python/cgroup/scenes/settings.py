@@ -15,9 +15,7 @@ MIXTURE_ROUNDS, LEAST_VARIANCE = 15, 0.05  # of expectation maximization
 ODOMETRY_TURN, ODOMETRY_SHIFT = np.radians(3.0), 2.0  # standard deviations of odometry
 
 # --- consistency: agreement, decide
-DISAGREES = (
-    22.46  # squared error above which poses differ: quantile .999 of chi-squared, 6 degrees of freedom
-)
+DISAGREES = 22.46  # squared error above which poses differ: .999 of chi-squared with 6 degrees of freedom
 LEAST_TURN, LEAST_SHIFT = np.radians(1.0), 0.5  # deviations beyond the covariance, at the source's middle
 CLOSED_BY_CHANCE = 0.02  # share of the triangles of wrong poses that close
 SUREST, LEAST_SURE = 0.99, 0.01  # bounds of probabilities
