@@ -31,9 +31,7 @@ class Facts:
         self.rule = grouping.rule
         self.resolution = None if grouping.rule is None else grouping.rule.resolution
         points = grouping._positions  # noqa: SLF001  # pyright: ignore[reportPrivateUsage] - what it is there for
-        self.points: tuple[FloatArray, FloatArray] | None = (
-            None if points is None else (points[0].astype(np.float64), points[1].astype(np.float64))
-        )
+        self.points = None if points is None else (points[0].astype(np.float64), points[1].astype(np.float64))
 
     @cached_property
     def agreement(self) -> Agreement:

@@ -49,9 +49,8 @@ def match_described(
     as_instance("source", source, DescribedCloud)
     as_instance("target", target, DescribedCloud)
     matches = features.match(source.descriptors, target.descriptors, threads=threads)
-    return Correspondences(
-        **_fields_of(source, target, matches)._asdict()
-    )  # users may describe by themselves
+    fields = _fields_of(source, target, matches)
+    return Correspondences(**fields._asdict())  # users may describe by themselves
 
 
 def match_both_ways(
@@ -93,9 +92,8 @@ def scale_matches(matches: Correspondences, scale: float) -> Correspondences:
     """Return the matches of a source in another unit."""
     centroid = None if matches.source_centroid is None else scale * matches.source_centroid
     given = Fields(*(getattr(matches, name) for name in Fields._fields))
-    return own_correspondences(
-        given._replace(source=scale * in_double(matches.source), source_centroid=centroid)
-    )
+    source = scale * in_double(matches.source)
+    return own_correspondences(given._replace(source=source, source_centroid=centroid))
 
 
 def propose_poses(
@@ -132,9 +130,8 @@ def frame_poses(matches: Correspondences) -> FloatArray:
     """Return the pose of every match that has frames: ``R_i = L'_i^T L_i``, ``t_i = q_i - R_i p_i``."""
     if matches.source_lrf is None or matches.target_lrf is None:
         return np.empty((0, 4, 4))
-    rotations = np.einsum(
-        "nji,njk->nik", in_double(matches.target_lrf), in_double(matches.source_lrf), optimize=True
-    )
+    frames = in_double(matches.target_lrf), in_double(matches.source_lrf)
+    rotations = np.einsum("nji,njk->nik", *frames, optimize=True)
     framed = np.isfinite(rotations).all(axis=(1, 2))
     rotations = rotations[framed]
     poses = np.tile(np.eye(4), (len(rotations), 1, 1))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass, replace
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,15 +28,6 @@ DESCRIPTORS: tuple[Descriptor, ...] = ("shot", "lfsh", "rcs", "fpfh")
 MIN_SUPPORT_POINTS = 10  # points within the support of a keypoint, below which it is dropped
 # Clouds that differ more than this are taken to be in different units; descriptors would be useless
 MAX_RESOLUTION_RATIO = 20.0
-
-_CHOICES = {
-    "detector": DETECTORS,
-    "descriptor": DESCRIPTORS,
-    "normals": NORMALS,
-    "frames": ("shot", "toldi"),
-    "matching": ("nearest", "mutual"),
-    "similarity": ("unit", "raw"),
-}
 
 
 @dataclass(frozen=True)
@@ -87,8 +78,9 @@ class PaperFront:
     similarity: Literal["unit", "raw"] = "unit"
 
     def __post_init__(self) -> None:
-        for name, choices in _CHOICES.items():
-            as_choice(name, getattr(self, name), choices)
+        for name, hint in get_type_hints(PaperFront).items():
+            if get_origin(hint) is Literal:
+                as_choice(name, getattr(self, name), get_args(hint))
         if self.keypoints is not None:
             as_count("keypoints", self.keypoints, 1)
         for name in ("nms_radius", "resolution", "harris_radius"):
@@ -165,9 +157,8 @@ def correspond_by(
     given, normals = front.resolution, front.normals
     pr = common_resolution(*scans, threads) if given is None else scans[0].unit(given, threads)
     if not any(scan.has(normals) for scan in scans):
-        raise InputError(
-            "normals", f"{normals!r}, but neither cloud has {NEEDED_FOR[normals]}", "choose 'pca'"
-        )
+        lacking = f"{normals!r}, but neither cloud has {NEEDED_FOR[normals]}"
+        raise InputError("normals", lacking, "choose 'pca'")
     described: list[DescribedCloud] = []
     for scan, viewpoint in zip(scans, viewpoints, strict=True):
 
@@ -188,9 +179,8 @@ def common_resolution(source: Scan, target: Scan, threads: int | None) -> float:
     """Return the mean resolution of two clouds in the same unit."""
     resolutions = source.resolution(threads), target.resolution(threads)
     if max(resolutions) > MAX_RESOLUTION_RATIO * min(resolutions):
-        both = "source, target"
         apart = f"their points lie {resolutions[0]:.3g} and {resolutions[1]:.3g} apart"
-        raise InputError(both, remedy=f"{apart}; scale them to the same unit")
+        raise InputError("source, target", remedy=f"{apart}; scale them to the same unit")
     return sum(resolutions) / 2
 
 
@@ -345,14 +335,12 @@ def _times(pr: float, *radii: float | None) -> list[float | None]:
 
 def _find_normals(scan: Scan, normals: Normals, viewpoint: ArrayLike, threads: int | None) -> FloatArray:
     if not scan.has(normals):
-        raise InputError(
-            "normals", f"{normals!r}, but the cloud has no {NEEDED_FOR[normals]}", "choose 'pca'"
-        )
+        lacking = f"{normals!r}, but the cloud has no {NEEDED_FOR[normals]}"
+        raise InputError("normals", lacking, "choose 'pca'")
     if normals == "given" and scan.normals is not None:
         if not (np.isfinite(scan.normals).all(axis=1) & scan.normals.any(axis=1)).any():
-            raise InputError(
-                "normals", remedy=f"all of those that came with the {scan.name} are zero or NaN; choose 'pca'"
-            )
+            remedy = f"all of those that came with the {scan.name} are zero or NaN; choose 'pca'"
+            raise InputError("normals", remedy=remedy)
         return scan.normals
     if normals == "mesh" and scan.faces is not None:
         return features.mesh_normals(scan.cloud, scan.faces)

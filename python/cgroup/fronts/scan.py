@@ -52,9 +52,8 @@ def as_viewpoint(
     if view_direction is None:
         return viewpoint
     if viewpoint is not None:
-        raise InputError(
-            "viewpoint, view_direction", remedy="give one: the scanner's place, or its direction"
-        )
+        remedy = "give one: the scanner's place, or its direction"
+        raise InputError("viewpoint, view_direction", remedy=remedy)
     return ViewDirection(*as_direction("view_direction", view_direction, "(0, 0, -1)").tolist())
 
 
@@ -143,11 +142,8 @@ class Scan:
         if given is None:
             return self.resolution(threads)
         if as_length("resolution", given) > self.diagonal:
-            raise InputError(
-                "resolution",
-                f"{given}, but the whole cloud is {self.diagonal:.3g} across",
-                "give it in the cloud's unit",
-            )
+            large = f"{given}, but the whole cloud is {self.diagonal:.3g} across"
+            raise InputError("resolution", large, "give it in the cloud's unit")
         return given
 
     def is_far(self, viewpoint: Viewpoint | None) -> bool:
@@ -164,11 +160,8 @@ class Scan:
         x, y, z = as_place(name, place)
         away = self.distance([x, y, z])
         if away > MAX_RANGE * self.diagonal:
-            raise InputError(
-                name,
-                f"({x:.4g}, {y:.4g}, {z:.4g}), {away:.3g} from a cloud that is {self.diagonal:.3g} across",
-                "give the scanner's place in the cloud's frame and unit",
-            )
+            far = f"({x:.4g}, {y:.4g}, {z:.4g}), {away:.3g} from a cloud that is {self.diagonal:.3g} across"
+            raise InputError(name, far, "give the scanner's place in the cloud's frame and unit")
         return x, y, z
 
     def distance(self, place: list[float]) -> float:
@@ -212,22 +205,18 @@ def as_scan(name: str, cloud: Scan | Cloud | AnyCloud, *, distinct: bool = False
         counted = "points" if first is None else "distinct points"
         raise InputError(name, f"{len(rows)} {counted}", f"descriptors need more than {NORMAL_NEIGHBORS}")
     ready = cloud if isinstance(cloud, Cloud) and first is None else Cloud(rows, name=name)
-    scan = Scan(
-        ready, normals, faces, name, points, rows=first, places=places, rounding=_find_rounding(ready)
-    )
+    rounding = _find_rounding(ready)
+    scan = Scan(ready, normals, faces, name, points, rows=first, places=places, rounding=rounding)
     if not isinstance(cloud, PointCloud) or cloud.viewpoint is None:
         return scan
     place = as_place(f"{name}.viewpoint", cloud.viewpoint)
-    return (
-        replace(scan, stored_viewpoint=place) if scan.distance(place) <= MAX_RANGE * scan.diagonal else scan
-    )
+    is_plausible = scan.distance(place) <= MAX_RANGE * scan.diagonal
+    return replace(scan, stored_viewpoint=place) if is_plausible else scan
 
 
 def as_surface(name: str, cloud: Scan | Cloud | AnyCloud) -> Scan:
     """Check and index a cloud; sample a mesh whose vertices alone do not cover its surface."""
-    if isinstance(cloud, Scan):
-        return as_scan(name, cloud)
-    cloud = as_point_cloud(name, cloud)
+    cloud = cloud if isinstance(cloud, Scan) else as_point_cloud(name, cloud)
     if not isinstance(cloud, PointCloud) or cloud.faces is None or not _needs_samples(name, cloud):
         return as_scan(name, cloud, distinct=True)
     return _sampled(name, cloud)
@@ -266,10 +255,9 @@ def _find_rounding(cloud: Cloud) -> float:
         if not np.spacing(np.float32(farthest)) > _LEAST_ROUNDED * cloud.diagonal:
             return 0.0
         spacing = float(np.spacing(np.float32(max(cloud.points.max(), -cloud.points.min()))))
-        if (
-            not spacing > _LEAST_ROUNDED * cloud.diagonal
-            or (cloud.points.astype(np.float32) != cloud.points).any()
-        ):
+        if not spacing > _LEAST_ROUNDED * cloud.diagonal:
+            return 0.0
+        if (cloud.points.astype(np.float32) != cloud.points).any():
             return 0.0
     return spacing if spacing > MOST_ROUNDED * features.resolution(cloud) else 0.0
 
@@ -321,9 +309,8 @@ def _surface_of(name: str, cloud: PointCloud, count: int) -> tuple[FloatArray | 
     normals = None if cloud.normals is None else in_double(real_normals(f"{name}.normals", cloud.normals))
     faces = None if cloud.faces is None else as_faces(f"{name}.faces", cloud.faces)
     if normals is not None and len(normals) != count:
-        raise InputError(
-            f"{name}.normals", f"{len(normals)} for {count} points", "give one per point, NaN for none"
-        )
+        counts = f"{len(normals)} for {count} points"
+        raise InputError(f"{name}.normals", counts, "give one per point, NaN for none")
     if faces is not None and faces.max(initial=-1) >= count:
         raise InputError(f"{name}.faces", f"row {faces.max()}, but there are {count} points")
     return normals, faces
@@ -334,22 +321,15 @@ def check_sizes(scans: Sequence[Scan]) -> None:
     sizes = [scan.diagonal for scan in scans]
     if max(sizes) > MAX_SIZE_RATIO * min(sizes):
         one, other = (scans[row] for row in sorted([sizes.index(min(sizes)), sizes.index(max(sizes))]))
-        raise InputError(
-            f"{one.name}, {other.name}",
-            remedy=(
-                f"{one.diagonal:.3g} and {other.diagonal:.3g} across; scale them to the same "
-                "unit, or drop points far from all others"
-            ),
-        )
+        across = f"{one.diagonal:.3g} and {other.diagonal:.3g} across"
+        remedy = f"{across}; scale them to the same unit, or drop points far from all others"
+        raise InputError(f"{one.name}, {other.name}", remedy=remedy)
 
 
 def as_model(name: str, cloud: Cloud | AnyCloud, normals: Normals) -> Scan:
     """Check a complete model with normals or faces that define its outside."""
     cloud = as_point_cloud(name, cloud)
     if not isinstance(cloud, PointCloud) or getattr(cloud, NEEDED_FOR[normals]) is None:
-        raise InputError(
-            name,
-            f"no {NEEDED_FOR[normals]}, which show the outside of a model",
-            "give a `PointCloud` with them, or another library's cloud or mesh",
-        )
+        lacking = f"no {NEEDED_FOR[normals]}, which show the outside of a model"
+        raise InputError(name, lacking, "give a `PointCloud` with them, or another library's cloud or mesh")
     return as_scan(name, cloud, distinct=True) if normals == "given" else _sampled(name, cloud)

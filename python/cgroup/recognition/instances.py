@@ -212,14 +212,8 @@ class InstanceSearch:
     def _free_part(self) -> DescribedCloud:
         whole = self.scene.described
         free = self.free[whole.indices]
-        return DescribedCloud(
-            whole.indices[free],
-            whole.points[free],
-            whole.lrf[free],
-            whole.descriptors[free],
-            whole.resolution,
-            whole.centroid,
-        )
+        rows = whole.indices[free], whole.points[free], whole.lrf[free], whole.descriptors[free]
+        return DescribedCloud(*rows, whole.resolution, whole.centroid)
 
     def _verify(
         self, name: str, poses: FloatArray, mutual: Correspondences, matches: Correspondences
@@ -227,12 +221,8 @@ class InstanceSearch:
         model, scene = self.models[name], self.scene
         verified = verify(model.surface, scene.surface, poses, matches=mutual, threads=self.threads)
         rows = zip(verified.poses, verified.scores.tolist(), verified.evidence.tolist(), strict=True)
-        detections = [
-            look_at(model, scene, pose, score, evidence, self.threads) for pose, score, evidence in rows
-        ]
-        return [
-            Proposal(name, detection, _others(detection, detections), matches) for detection in detections
-        ]
+        found = [look_at(model, scene, *row, self.threads) for row in rows]
+        return [Proposal(name, one, _others(one, found), matches) for one in found]
 
 
 def _others(one: Detection, detections: list[Detection]) -> FloatArray:

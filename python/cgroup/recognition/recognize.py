@@ -168,10 +168,8 @@ def _prepare_all(
     if voxel is None and not any(one.is_ready for one in (target, *sources)):
         voxel = _choose_voxel(target, sources, threads)
     shared = agree([target, *sources], voxel, None, threads)
-    library = {
-        name: shared.finish(model, by_frames=by_frames) for name, model in zip(models, sources, strict=True)
-    }
-    return library, shared.finish(target, by_frames=by_frames)
+    ready = [shared.finish(one, by_frames=by_frames) for one in (*sources, target)]
+    return dict(zip(models, ready[:-1], strict=True)), ready[-1]
 
 
 def _as_model(name: str, model: PreparedScan | Cloud | AnyCloud, *, by_frames: bool) -> Given:
@@ -179,9 +177,8 @@ def _as_model(name: str, model: PreparedScan | Cloud | AnyCloud, *, by_frames: b
     label = f"model {show(name)}"
     if isinstance(model, PreparedScan):
         if model.by_frames and not by_frames:
-            raise InputError(
-                label, remedy="prepared without its outside; prepare it with normals='mesh' or 'given'"
-            )
+            remedy = "prepared without its outside; prepare it with normals='mesh' or 'given'"
+            raise InputError(label, remedy=remedy)
         return as_given(label, model)
     model = as_point_cloud(label, model)
     has_faces = isinstance(model, PointCloud) and model.faces is not None
@@ -189,11 +186,8 @@ def _as_model(name: str, model: PreparedScan | Cloud | AnyCloud, *, by_frames: b
     if by_frames and not has_faces:
         return as_given(label, model)
     if not has_faces and not has_normals:
-        raise InputError(
-            label,
-            "neither faces nor normals, which tell its outside",
-            "give a `PointCloud` with them, or leave out `viewpoint`",
-        )
+        lacking = "neither faces nor normals, which tell its outside"
+        raise InputError(label, lacking, "give a `PointCloud` with them, or leave out `viewpoint`")
     return as_given(label, as_model(label, model, "mesh" if has_faces else "given"))
 
 
