@@ -37,8 +37,8 @@ def assess_in_map(
 
     The pose is refined where it is, and compared with chance only: other places of the map are not searched,
     so of two that look the same either is accepted (`locate` compares them). As for `assess`, half of the
-    probability is left if refining moves the scan by 0.4 voxel. Further parameters are as for `locate` and as
-    for `register`.
+    probability is left if refining moves the scan by 0.4 voxel. Further parameters are as for `locate`, and
+    as for `register`.
 
     Parameters
     ----------
