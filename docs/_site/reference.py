@@ -78,7 +78,9 @@ GROUPS: dict[str, dict[str, str]] = {
     },
     "cgroup.io": {
         "Clouds": "read_cloud read_depth write_cloud PointCloud",
+        "Models of COLMAP": "read_colmap write_colmap ColmapModel",
         "Poses": "read_transform read_transforms write_transform check_rigid RIGID_TOLERANCE",
+        "Targets": "read_targets",
         "Matches and groups": "read_correspondences write_correspondences write_mask",
         "Descriptors and keypoints": "read_descriptors write_descriptors write_keypoints",
         "Any file": "transform_file write_file",
@@ -96,6 +98,9 @@ GROUPS: dict[str, dict[str, str]] = {
         "mean_average_accuracy",
         "Registered or not": "Protocol PROTOCOLS",
         "How hard a pair is": "overlap clutter_and_occlusion",
+    },
+    "cgroup.targets": {
+        "Surveyed targets": "fit_targets TargetFit",
     },
     "cgroup.comparison": {
         "Methods side by side": "compare MethodResult find_correct",

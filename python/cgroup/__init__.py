@@ -44,6 +44,7 @@ if _TYPE_CHECKING:
     from cgroup import plots as plots
     from cgroup import registration as registration
     from cgroup import scenes as scenes
+    from cgroup import targets as targets
     from cgroup import verification as verification
     from cgroup.io import read_cloud as read_cloud
     from cgroup.io import write_cloud as write_cloud
@@ -56,6 +57,8 @@ if _TYPE_CHECKING:
     from cgroup.registration import register_many as register_many
     from cgroup.scenes import locate as locate
     from cgroup.scenes import register_all as register_all
+    from cgroup.targets import TargetFit as TargetFit
+    from cgroup.targets import fit_targets as fit_targets
 
     merge = register_all
 
@@ -69,12 +72,13 @@ __all__ += methods.__all__
 
 _ROOMS = [
     "comparison", "datasets", "evaluation", "features", "io", "nuisances", "pages", "plots", "registration",
-    "scenes", "verification",
+    "scenes", "targets", "verification",
 ]  # fmt: skip
 _FROM_ROOMS = {
     "io": "read_cloud write_cloud",
     "registration": "Registration assess prepare recognize refine register register_many",
     "scenes": "locate register_all",
+    "targets": "TargetFit fit_targets",
 }
 _ROOM_OF = {name: room for room, names in _FROM_ROOMS.items() for name in names.split()}
 _ALIASES = {"merge": "register_all"}  # the name of the command

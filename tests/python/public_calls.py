@@ -8,16 +8,27 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from colmap_files import make_views, write_model
 from public_names import public_names
 
 from cgroup import features, registration, verification
 from cgroup.datasets import standin_pair
 from cgroup.datasets.matching_problems import make_problem
-from cgroup.io import write_cloud, write_correspondences, write_descriptors, write_transform
+from cgroup.io import read_colmap, write_cloud, write_correspondences, write_descriptors, write_transform
 from cgroup.registry import METHOD_INFO
 from cgroup.types import PointCloud
 
-MODULES = ("", "features", "registration", "verification", "evaluation", "nuisances", "rigid", "io")
+MODULES = (
+    "",
+    "features",
+    "registration",
+    "verification",
+    "evaluation",
+    "nuisances",
+    "rigid",
+    "targets",
+    "io",
+)
 
 INPUTS = {"Cloud", "Correspondences", "DenseFront", "FineSurface", "PaperFront", "Surface"}
 """Classes that take arguments of the user's; the others hold what the library computed, or read from a file."""
@@ -192,6 +203,7 @@ def _judgement() -> dict[str, dict[str, dict[str, Any]]]:
             },
             "score_group": {"mask": [True, False], "correct": [True, True]},
         },
+        "targets": {"fit_targets": {"source": np.eye(4, 3), "target": np.eye(4, 3)}},
         "nuisances": {
             "add_noise": {"cloud": PAIR.source, "sigma": 0.1} | rng,
             "decimate": {"cloud": PAIR.source, "share": 0.5} | rng,
@@ -214,11 +226,16 @@ def _files(folder: Path) -> dict[str, dict[str, Any]]:
     write_descriptors(folder / "described.npz", described)
     write_correspondences(folder / "matches.npz", MATCHES)
     write_transform(folder / "pose.txt", np.eye(4))
+    (folder / "targets.csv").write_text("T1;1;2;3\n")
+    model = write_model(folder / "sparse", make_views(), "txt")
     return {
+        "read_colmap": {"folder": model},
+        "write_colmap": {"folder": folder / "other", "model": read_colmap(model)},
         "read_cloud": {"path": folder / "cloud.ply"},
         "read_depth": {"path": folder / "depth.npy", "intrinsics": [500, 500, 1, 1]},
         "read_descriptors": {"path": folder / "described.npz"},
         "read_correspondences": {"path": folder / "matches.npz"},
+        "read_targets": {"path": folder / "targets.csv"},
         "read_transform": {"path": folder / "pose.txt"},
         "read_transforms": {"path": folder / "pose.txt"},
         "transform_file": {

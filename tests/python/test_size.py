@@ -15,23 +15,23 @@ FILES = sorted(PACKAGE.rglob("*.py"))
 MOST_LINES = {
     "": 34_200,
     "benchmark/": 6_615,
-    "cli/": 3_640,
+    "cli/": 3_665,
     "datasets/": 3_060,
     "evaluation/": 1_435,
     "features/": 1_190,
-    "fronts/": 860,
-    "io/": 3_230,
-    "maps/": 1_065,
+    "fronts/": 825,
+    "io/": 3_445,
+    "maps/": 1_015,
     "methods/": 670,
-    "pages/": 1_350,
+    "pages/": 1_250,
     "plots/": 1_030,
-    "recognition/": 460,
+    "recognition/": 445,
     "registration/": 2_200,
-    "scenes/": 2_080,
+    "scenes/": 2_120,
 }
 """Lines of the package and of its rooms, with docstrings and blank lines."""
 
-MOST_FILES = 208
+MOST_FILES = 209
 LONGEST_FILE = 400
 LONGEST_FUNCTION = 40  # without its docstring
 MOST_PARAMETERS = 8
@@ -50,6 +50,8 @@ LONG_FUNCTIONS = {
 }
 MANY_PARAMETERS = {
     "cli/commands/benchmark.py:run_command": _COMMAND,
+    "cli/commands/group.py:group_command": _COMMAND,
+    "cli/commands/locate.py:locate_command": _COMMAND,
     "cli/commands/register.py:register_command": _COMMAND,
     "datasets/matching_problems.py:make_problem": _OPTIONS,
     "features/keypoints.py:harris3d": _OPTIONS,

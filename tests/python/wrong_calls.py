@@ -1,6 +1,7 @@
 """Wrong calls of public functions and methods, beyond those of `public_calls`. Each takes the function."""
 
 import sys
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -8,10 +9,11 @@ from unittest import mock
 
 import numpy as np
 import pandas as pd
+from colmap_files import make_views, write_model
 from placed_scenes import known_scene
 
 import cgroup
-from cgroup import datasets, registration, types
+from cgroup import datasets, io, registration, types
 from cgroup.benchmark import config
 from cgroup.scenes import PoseGraph, prepare_map
 
@@ -22,6 +24,8 @@ PROBLEM = datasets.make_problem(np.random.default_rng(0), 12)
 PAIR = datasets.standin_pair(pixels=60)
 PLACE = prepare_map(PAIR.target)
 DONE = registration.register(PAIR.source, PAIR.target)
+with tempfile.TemporaryDirectory() as _folder:
+    MODEL = io.read_colmap(write_model(Path(_folder) / "sparse", make_views(), "txt"))
 UNRELATED = datasets.mirror(PAIR)
 BARE = cgroup.Correspondences(PROBLEM.source, PROBLEM.target)
 NOWHERE = Path("nowhere")
@@ -54,9 +58,14 @@ WRONG_CALLS: dict[str, list[Callable[[Any], Any]]] = {
     "cgroup.group_motions": [given(BARE, most=0)],
     "cgroup.certify": [given(BARE, cgroup.ransac(BARE.source, BARE.target, tolerance=1e-9), tolerance=1.0)],
     "cgroup.Correspondences.plot": [given(BARE, T_target_source=np.eye(3))],
+    "cgroup.io.ColmapModel.transformed": [given(MODEL, np.eye(4), 0)],
     "cgroup.types.PointCloud.transformed": [given(CLOUD, 2 * np.eye(4))],
     "cgroup.registry.label_of": [given("nonsense")],
     "cgroup.features.iss": [find_open3d_missing],
+    "cgroup.targets.fit_targets": [
+        given(np.eye(3), np.eye(3), names="aba"),
+        given(np.eye(2, 3), np.eye(2, 3)),
+    ],
     "cgroup.registration.register": [given(UNRELATED.source, UNRELATED.target)],
     "cgroup.registration.assess": [
         given(PAIR.source, PAIR.target, np.diag([1.0, -1, -1, 1]), axis=(0, 0, 1), effort="low", voxel=9.0),

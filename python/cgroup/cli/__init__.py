@@ -1,27 +1,19 @@
 """The command line: reads files, calls the library, prints and writes results."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Sequence
+from importlib import import_module
 from typing import Annotated
 
 try:
     import typer
 
-    from cgroup.cli.command import examples, make_app
-    from cgroup.cli.commands import (
-        apply,
-        benchmark,
-        compare,
-        evaluate,
-        features,
-        group,
-        locate,
-        merge,
-        recognize,
-        register,
-    )
+    from cgroup.cli.command import COMMANDS, examples, make_app
+
+    _ORDER = "register merge locate apply recognize compare evaluate group features"  # of the help text
+    for name in _ORDER.split():
+        import_module(f"cgroup.cli.commands.{name}")
+    from cgroup.cli.commands import benchmark
     from cgroup.cli.errors import TRACEBACK, explain, print_failure
     from cgroup.cli.process import guarded_output, write_error
     from cgroup.cli.terminal import print_line
@@ -46,13 +38,11 @@ app = make_app(
         "cgroup compare source.ply target.ply --truth pose.txt",
         "cgroup group matches.txt --method lc --resolution 0.02",
         "cgroup COMMAND --help",
-        "",
         f"# {TRACEBACK}=1 prints the traceback of an unexpected error",
     ),
     add_completion=True,
 )
-for commands in (register, merge, locate, apply, recognize, compare, evaluate, group, features):
-    app.add_typer(commands.app)
+app.add_typer(COMMANDS)
 app.add_typer(benchmark.app, name="benchmark")
 
 

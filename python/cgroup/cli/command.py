@@ -1,7 +1,5 @@
 """Commands: help texts with sections by topic and examples, documents of results, exit statuses."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable, Collection
 from functools import wraps
@@ -12,10 +10,10 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from cgroup import __version__
-from cgroup.cli.documents import Document, make_document, print_document
+from cgroup.cli.documents import Document, as_text, make_document
 from cgroup.cli.errors import PrintedRefusalError, reworded_errors
 from cgroup.cli.options import JSON, OUTPUT, SHARED, VERBOSE, WIDE
-from cgroup.cli.terminal import paint
+from cgroup.cli.terminal import paint, print_text
 from cgroup.io.files import digests_of_inputs, keeping_inputs
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
@@ -105,17 +103,21 @@ def make_app(**options: Any) -> typer.Typer:
     return typer.Typer(cls=_Group, rich_markup_mode=None, pretty_exceptions_enable=False, **options)
 
 
-def examples(*lines: str) -> str:
-    """Return the examples of a help text: commands, each below a comment."""
-    return "\n".join(["Examples:", *(f"  {line}".rstrip() for line in lines)])
+COMMANDS = make_app()
+
+
+def examples(first: str, *others: str) -> str:
+    """Return the examples of a help text: commands, below comments after an empty line."""
+    spaced = [("\n" if line.startswith("#") else "") + f"  {line}".rstrip() for line in others]
+    return "\n".join(["Examples:", f"  {first}", *spaced])
 
 
 def command(
-    app: typer.Typer,
     name: str,
     *lines: str,
     show: Callable[..., None] = lambda _: None,
     takes: Collection[str] = (),
+    app: typer.Typer = COMMANDS,
 ) -> Callable[[_Function], _Function]:
     """Make a function a command, with these examples in its help text.
 
@@ -126,16 +128,17 @@ def command(
     command ends with that sentence and exit status 3.
     """
     shown = list(signature(show).parameters)[1:]
-    shared = {option: SHARED[option] for option in takes}
-    output: dict[str, tuple[Any, Any]] = {
-        option: (bool, described) for option, described in _PRINTING.items() if option in shown
-    }
-    output |= {"as_json": (bool, JSON), "context": (typer.Context, Parameter.empty)}
+    shared = {option: _parameter(option, *SHARED[option]) for option in takes}
+    output = {option: _parameter(option, bool, _PRINTING[option]) for option in _PRINTING if option in shown}
+    output["as_json"] = _parameter("as_json", bool, JSON)
+    output["context"] = _parameter("context", typer.Context, Parameter.empty)
 
     def decorate(function: _Function) -> _Function:
         parameters = signature(function, eval_str=True).parameters.values()
         own = {one.name: one for one in parameters if one.kind != Parameter.VAR_KEYWORD}
-        taken = _with_options(own, shared, output)
+        arguments = {name: one for name, one in own.items() if one.kind != Parameter.KEYWORD_ONLY}
+        # Sections of the help text are in the order of their first options.
+        taken = [*{**arguments, **shared, **own, **output, **own}.values()]
 
         @wraps(function)
         def run(**given: Any) -> None:
@@ -145,7 +148,7 @@ def command(
             refusal = parts.pop("refusal", None)
             document = _document(given["context"], parts)
             if given["as_json"]:
-                print_document(document)
+                print_text(as_text(document))
             else:
                 show(document, **{name: given[name] for name in shown})
             if refusal is not None:
@@ -159,24 +162,8 @@ def command(
     return decorate
 
 
-def _with_options(
-    own: dict[str, Parameter], shared: dict[str, tuple[Any, Any]], output: dict[str, tuple[Any, Any]]
-) -> list[Parameter]:
-    """Return the parameters of a command: arguments, shared options, its own, and those of the output.
-
-    Sections of the help text are in the order of their first options.
-    """
-
-    def added(options: dict[str, tuple[Any, Any]]) -> list[Parameter]:
-        return [
-            Parameter(name, Parameter.KEYWORD_ONLY, annotation=kind, default=described)
-            for name, (kind, described) in options.items()
-            if name not in own
-        ]
-
-    arguments = [one for one in own.values() if one.kind != Parameter.KEYWORD_ONLY]
-    options = [one for one in own.values() if one.kind == Parameter.KEYWORD_ONLY]
-    return [*arguments, *added(shared), *options, *added(output)]
+def _parameter(name: str, kind: Any, described: Any) -> Parameter:
+    return Parameter(name, Parameter.KEYWORD_ONLY, annotation=kind, default=described)
 
 
 def _document(context: Any, parts: Document) -> Document:
@@ -191,13 +178,8 @@ def identify_run(context: Any) -> str:
     """Return a digest of all inputs of a command's results: arguments, options, contents of files."""
     arguments = {one.name for one in context.command.params if one.param_type_name == "argument"}
     given = {name: value for name, value in context.params.items() if name in arguments}
-    basis = (
-        context.command_path,
-        __version__,
-        given,
-        _options_of(context),
-        sorted(digests_of_inputs().items()),
-    )
+    digests = sorted(digests_of_inputs().items())
+    basis = context.command_path, __version__, given, _options_of(context), digests
     return hashlib.sha256(repr(basis).encode(errors="surrogateescape")).hexdigest()
 
 

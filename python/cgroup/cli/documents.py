@@ -3,8 +3,6 @@
 ``docs/command-line.md`` lists the keys. Removing a key or changing its meaning needs a new `SCHEMA_VERSION`.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Mapping
@@ -14,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from cgroup import __version__
-from cgroup.cli.terminal import print_text
 
 SCHEMA_VERSION = 1
 
@@ -27,9 +24,9 @@ def make_document(command: str, /, **parts: Any) -> Document:
     return {**head, **_plain(parts)}
 
 
-def print_document(document: Document) -> None:
-    """Print a document as JSON."""
-    print_text(as_text(document))
+def fields(found: object, *names: str) -> Document:
+    """Return attributes of a result by name, for a document."""
+    return {name: getattr(found, name) for name in names}
 
 
 def as_text(document: Mapping[str, Any]) -> str:

@@ -4,8 +4,6 @@ An option replaces the parameter of an `InputError`, and parameters between back
 ```effort='high'``` becomes ``--effort high``.
 """
 
-from __future__ import annotations
-
 import os
 import traceback
 from collections.abc import Generator, Mapping, Sequence
@@ -15,8 +13,9 @@ from typing import Any
 
 import typer
 
-from cgroup.cli.documents import Document, make_document, print_document
+from cgroup.cli.documents import Document, as_text, make_document
 from cgroup.cli.process import OutputError, write_error
+from cgroup.cli.terminal import print_text
 from cgroup.errors import CgroupError, InputError, NoConsensusError
 
 INPUT_ERROR = 2
@@ -92,7 +91,7 @@ def print_failure(arguments: Sequence[str], error: Exception, status: int, messa
     described: Document = {"kind": kind, "message": message, "exit_status": status}
     if isinstance(error, InputError):
         described |= {"parameter": error.parameter, "got": error.got, "remedy": error.remedy}
-    print_document(make_document(command, error=described, **extra))
+    print_text(as_text(make_document(command, error=described, **extra)))
 
 
 @contextmanager

@@ -1,17 +1,17 @@
 """Clouds that commands read, and files of a pair of clouds, named after both to share a folder."""
 
-from __future__ import annotations
-
 import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from cgroup import io
 from cgroup._checks.quoting import escape
+from cgroup.cli.documents import Document
 from cgroup.cli.registration_facts import Clouds
 from cgroup.cli.terminal import print_line, show_stages, shown_name, write_figure
 from cgroup.errors import InputError
@@ -24,7 +24,9 @@ from cgroup.types import FloatArray, PointCloud, RealArray
 _LONGEST = 100  # bytes of a cloud's name in that of a file; file systems allow some 255 in all
 
 _POSE, _ALIGNED, _MATCHES, _MERGED, _PAGE = ".txt", "_aligned.ply", ".npz", "_merged.ply", ".html"
-_FILES = {
+PAIR_FILES = {
+    "_targets.csv": "residuals of the targets",
+    "_targets.html": "report of the targets",
     _POSE: "pose",
     _ALIGNED: "source in the target's frame",
     _MERGED: "both clouds merged",
@@ -101,40 +103,52 @@ def unique_names(files: Sequence[Path], names: Sequence[str]) -> list[str]:
     return [name if name and count[name] == 1 else str(file) for name, file in zip(names, files, strict=True)]
 
 
-def print_contents(contents: Mapping[Path, str]) -> None:
-    """Print the written files, all in one folder, and their contents."""
-    width = max((len(escape(file.name)) for file in contents), default=0)
-    for file in [*contents][:1]:
-        print_line(f"wrote to {file.parent}/")
-    for file, content in contents.items():
-        print_line(f"  {escape(file.name):<{width}}  {content}")
-
-
-def print_pair_files(files: Iterable[Path]) -> None:
-    """Print the written files of a pair, and their contents."""
-    print_contents({file: next(_FILES[end] for end in _FILES if file.name.endswith(end)) for file in files})
+def print_contents(document: Document, contents: Mapping[str, str] = PAIR_FILES) -> None:
+    """Print the written files of a document, all in one folder, and their contents, by the ends of names."""
+    files = [Path(file) for file in document["files"]]
+    names = [escape(file.name) for file in files]
+    for file, name in zip(files, names, strict=True):
+        if file == files[0]:
+            print_line(f"wrote to {file.parent}/")
+        content = next(contents[end] for end in contents if file.name.endswith(end))
+        print_line(f"  {name:<{max(map(len, names))}}  {content}")
 
 
 class PairFiles:
     """Files of one registered pair: SOURCE_on_TARGET.txt and so on."""
 
     def __init__(
-        self, folder: Path, source: Path, target: Path, run: str, *, html: bool, merged: bool = False
+        self,
+        folder: Path,
+        source: Path,
+        target: Path,
+        run: str,
+        *,
+        html: bool,
+        merged: bool = False,
+        report: Mapping[str, bytes] = MappingProxyType({}),
     ) -> None:
-        """Raise `InputError` if an input, a file of another pair, or a foreign file would be replaced."""
+        """Raise `InputError` if an input, a file of another pair, or a foreign file would be replaced.
+
+        A report has contents by the ends of names.
+        """
         self._folder, self._name, self._run = folder, name_of_pair(source, target), run
         self._frames = name_frames(source, target)
         self._title = f"{shown_name(source)} on {shown_name(target)}"
         self._page_title = f"{source.name} on {target.name}"
         self._is_wanted = {_MATCHES: False, _MERGED: merged, _PAGE: html}
+        self._is_wanted |= {
+            ending: ending in report for ending in PAIR_FILES if ending.startswith("_targets")
+        }
+        self._report = report
         self._results = Results(folder, f"register {self._name}")
-        check_outputs([self._file(ending) for ending in _FILES])
+        check_outputs([self._file(ending) for ending in PAIR_FILES])
         refuse_others([self._file(_POSE)], self._frames)
         self._results.check(self._wanted)
 
     @property
     def _wanted(self) -> list[Path]:
-        return [self._file(ending) for ending in _FILES if self._is_wanted.get(ending, True)]
+        return [self._file(ending) for ending in PAIR_FILES if self._is_wanted.get(ending, True)]
 
     def _file(self, ending: str) -> Path:
         return self._folder / f"{self._name}{ending}"
@@ -164,6 +178,8 @@ class PairFiles:
             write_figure(self._file(".png"), figure)
             if self._is_wanted[_PAGE]:
                 self._write_page(clouds, done, truth)
+            for ending, content in self._report.items():
+                io.write_file(self._file(ending), content)
         return written
 
     def write_refusal(

@@ -1,7 +1,5 @@
 """Arguments and options of the commands, each described once, and the words that a shell completes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from importlib import resources
 from importlib.util import find_spec
@@ -20,11 +18,12 @@ SEARCH = "Search"
 GROUPING = "Grouping"
 KEYPOINTS = "Keypoints and descriptors"
 TRUTH = "Truth"
+TARGETS = "Surveyed targets"
 OUTPUT = "Output"
 
 FORMATS = (
     "PLY, PCD, XYZ, ASC, TXT, CSV, PTS, PTX, E57, OBJ, STL, OFF, VTK, GLTF, GLB, "
-    "KITTI's BIN, NPY, NPZ, LAS, LAZ"
+    "KITTI's BIN, NPY, NPZ, LAS, LAZ, COLMAP's points3D"
 )
 METHOD_NAMES = f"{', '.join(METHODS)}; in any case, or as in tables (hough3d, SC2-PCR)"
 
@@ -51,18 +50,16 @@ def argument(metavar: str, help_text: str, default: Any = ..., **more: Any) -> A
 
 
 def option(
-    default: Any, metavar: str, help_text: str, section: str | None, shown: str | None = None, **more: Any
+    metavar: str, text: str, section: str | None, shown: str | None = None, default: Any = None, **more: Any
 ) -> Any:
     """Describe an option with a value; `shown` replaces the default in the help text."""
-    show_default = shown or True
-    return typer.Option(
-        default, metavar=metavar, help=help_text, rich_help_panel=section, show_default=show_default, **more
-    )
+    more |= {"metavar": metavar, "help": text, "rich_help_panel": section, "show_default": shown or True}
+    return typer.Option(default, **more)
 
 
 def choice(default: str, kind: Any, help_text: str, section: str | None) -> Any:
     """Describe an option that takes one of a few words."""
-    return option(default, "|".join(get_args(kind)), help_text, section)
+    return option("|".join(get_args(kind)), help_text, section, default=default)
 
 
 def flag(name: str, help_text: str, section: str | None = OUTPUT, **more: Any) -> Any:
@@ -88,15 +85,15 @@ def folder(
             raise InputError("--out", "an empty name", "give a folder; . is the current one")
         return check(Path(name))
 
-    return option(default, "FOLDER", help_text, section, parser=str, callback=look)
+    return option("FOLDER", help_text, section, default=default, parser=str, callback=look)
 
 
 def _length(help_text: str, section: str, shown: str | None = None) -> tuple[Any, Any]:
-    return float | None, option(None, "LENGTH", help_text, section, shown)
+    return float | None, option("LENGTH", help_text, section, shown)
 
 
 def _point(help_text: str, shown: str | None = None) -> tuple[Any, Any]:
-    return Point | None, option(None, "X Y Z", help_text, CLOUDS, shown)
+    return Point | None, option("X Y Z", help_text, CLOUDS, shown)
 
 
 Point = tuple[float, float, float]
@@ -144,12 +141,11 @@ SHARED: dict[str, tuple[Any, Any]] = {
     ),
     "keypoints": (
         int | None,
-        option(None, "COUNT", "Approximate number of keypoints per cloud.", KEYPOINTS, "all", min=3),
+        option("COUNT", "Approximate number of keypoints per cloud.", KEYPOINTS, "all", min=3),
     ),
     "nms_radius": (
         float | None,
         option(
-            None,
             "RADIUS",
             "Radius of the non-maximum suppression, in pr; a larger one leaves fewer keypoints.",
             KEYPOINTS,

@@ -1,7 +1,5 @@
 """The process: standard output and error, which may be closed or full, and termination signals."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

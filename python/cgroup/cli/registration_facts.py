@@ -1,14 +1,12 @@
 """Registrations in documents and as printed facts."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 
 import numpy as np
 
 from cgroup._show.words import say_direction
-from cgroup.cli.documents import Document
+from cgroup.cli.documents import Document, fields
 from cgroup.cli.terminal import show_length
 from cgroup.evaluation import PROTOCOLS, alignment_error, rotation_error, translation_error
 from cgroup.evaluation.ground_truth import OVERLAP_WITHIN
@@ -33,25 +31,14 @@ def registration_results(
         seconds[stage] = seconds.get(stage, 0.0) + value
     degrees, length = done.deviations
     results: Document = {
-        "ok": done.ok,
-        "T_target_source": done.T_target_source,
-        "scale": done.scale,
-        "scale_deviation": done.scale_deviation,
-        "probability": done.probability,
-        "decoy_probability": done.decoy_probability,
-        "fitness": done.fitness,
-        "target_fitness": done.target_fitness,
-        "inlier_rmse": done.inlier_rmse,
+        **fields(done, "ok", "T_target_source", "scale", "scale_deviation", "probability"),
+        **fields(done, "decoy_probability", "fitness", "target_fitness", "inlier_rmse"),
         "matches": len(done.correspondences),
         "selected": done.grouping.size,
-        "voxel": done.voxel,
-        "resolution": done.resolution,
-        "covariance": done.covariance,
+        **fields(done, "voxel", "resolution", "covariance"),
         "deviation_deg": degrees,
         "deviation": length,
-        "open_motion": done.open_motion,
-        "alternatives": done.alternatives,
-        "notes": done.notes,
+        **fields(done, "open_motion", "alternatives", "notes"),
         "seconds": seconds,
     }
     if clouds is not None and true_pose is not None:

@@ -8,7 +8,6 @@ import sys
 import textwrap
 from collections.abc import Callable, Collection, Generator, Iterable, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
 from threading import Lock
@@ -173,67 +172,55 @@ def write_figure(path: Path, figure: Figure) -> Path:
     return path
 
 
-@dataclass(frozen=True)
-class Column:
-    """A column: text is left-aligned and may be truncated, numbers are right-aligned.
-
-    If the width doesn't suffice, columns of the highest `priority` are dropped first; those of 0 stay.
-    """
-
-    header: str
-    is_text: bool = False
-    priority: int = 0
-
-
 def print_table(
-    columns: Sequence[Column],
-    rows: Sequence[Sequence[str]],
+    headers: Sequence[str],
+    rows: Iterable[Sequence[str]],
     *,
+    words: Collection[int] = (0,),
+    drop: Iterable[int] = (),
     best: Collection[tuple[int, int]] = (),
     wide: bool = False,
 ) -> None:
-    """Print a table that fits the terminal: whole columns are dropped, and named; rows never wrap.
+    """Print a table that fits the terminal; rows never wrap.
 
-    The best cells, (row, column), are highlighted.
+    The columns `words` are left-aligned and may be truncated, numbers are right-aligned. If the width doesn't
+    suffice, the columns `drop` are dropped in this order, and named. The cells `best`, (row, column), are
+    highlighted.
     """
     from rich.cells import cell_len  # noqa: PLC0415 - slow to load
 
-    columns = [replace(column, header=escape(column.header)) for column in columns]
-    cells = [[escape(cell) for cell in row] for row in rows]
-    widths = [
-        max(cell_len(column.header), *(cell_len(row[at]) for row in cells), 0)
-        for at, column in enumerate(columns)
-    ]
-    shown, is_cut = (list(range(len(columns))), False) if wide else _fit(columns, widths, terminal_width())
-    lines = [[_pad(columns[at].header, columns[at], widths[at], bold=True) for at in shown]]
-    for number, row in enumerate(cells):
-        styles = {at: {"bold": True, "fg": "green"} if (number, at) in best else {} for at in shown}
-        lines.append([_pad(row[at], columns[at], widths[at], **styles[at]) for at in shown])
-    print_text("\n".join((" " * _GAP).join(line).rstrip() for line in lines))
-    left_out = [column.header for at, column in enumerate(columns) if at not in shown]
+    table = [[escape(cell) for cell in row] for row in (headers, *rows)]
+    widths = [max(map(cell_len, column)) for column in zip(*table, strict=False)]
+    shown, is_cut = ([*range(len(widths))], False) if wide else _fit(widths, words, drop)
+    for number, row in enumerate(table, -1):
+        plain: dict[str, Any] = {"bold": True} if number < 0 else {}
+        styles = ({"bold": True, "fg": "green"} if (number, at) in best else plain for at in shown)
+        line = (_pad(row[at], widths[at], is_text=at in words, **next(styles)) for at in shown)
+        print_text((" " * _GAP).join(line).rstrip())
+    left_out = [header for at, header in enumerate(table[0]) if at not in shown]
     if left_out:
         print_prose(f"Left out: {', '.join(left_out)}. --wide shows all.")
     elif is_cut:
         print_line("Cut to fit; --wide shows all.")
 
 
-def _fit(columns: Sequence[Column], widths: list[int], room: int) -> tuple[list[int], bool]:
+def _fit(widths: list[int], words: Collection[int], drop: Iterable[int]) -> tuple[list[int], bool]:
     """Return the columns that fit, with text columns narrowed in place, and whether any is truncated."""
-    shown = list(range(len(columns)))
+    shown, room = [*range(len(widths))], terminal_width()
 
     def excess() -> int:
         return sum(widths[at] + _GAP for at in shown) - _GAP - room
 
-    droppable = [at for at in sorted(shown, key=lambda at: columns[at].priority) if columns[at].priority]
-    while excess() > 0 and droppable:
-        shown.remove(droppable.pop())
+    for at in drop:
+        if excess() > 0:
+            shown.remove(at)
     is_cut = excess() > 0
-    for at in sorted((at for at in shown if columns[at].is_text), key=lambda at: -widths[at]):
+    for at in sorted((at for at in shown if at in words), key=lambda at: -widths[at]):
         widths[at] = min(widths[at], max(_LEAST_TEXT, widths[at] - max(excess(), 0)))
     return shown, is_cut
 
 
-def _pad(text: str, column: Column, width: int, **style: object) -> str:
+def _pad(text: str, width: int, *, is_text: bool, **style: Any) -> str:
     """Return a cell of a given width; the end of a longer text becomes three dots."""
     from rich.cells import cell_len, set_cell_size  # noqa: PLC0415 - slow to load
 
@@ -241,7 +228,7 @@ def _pad(text: str, column: Column, width: int, **style: object) -> str:
         text = set_cell_size(text, width - 3) + "..."
     space = " " * (width - cell_len(text))
     painted = paint(text, **style) if style else text
-    return painted + space if column.is_text else space + painted
+    return painted + space if is_text else space + painted
 
 
 def show_value(value: object, form: str = ".3g") -> str:

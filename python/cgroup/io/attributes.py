@@ -24,6 +24,12 @@ _WITHOUT_TIME, _WITH_NEAR_INFRARED, _WITH_WAVES = {0, 2}, {8, 10}, {4, 5, 9, 10}
 TEXTS = {".xyz": 3, ".asc": 3, ".txt": 3, ".csv": 3, ".xyzn": 6, ".xyzrgb": 6, ".pts": 3}
 
 _COMMENTS, _LEAST_COLUMNS = ("#", "//"), 3
+_FIXED = {
+    ".bin": ["reflectance"],
+    ".ptx": ["intensity"],
+    "points3D.bin": ["reprojection error", "track"],
+    "points3D.txt": ["reprojection error", "track"],
+}
 
 
 def unkept_attributes(path: str | os.PathLike[str]) -> list[str]:
@@ -40,7 +46,7 @@ def unkept_attributes(path: str | os.PathLike[str]) -> list[str]:
         more = [("GPS time", kind not in _WITHOUT_TIME), ("near infrared", kind in _WITH_NEAR_INFRARED)]
         more += [("waveforms", kind in _WITH_WAVES)]
         return [*_LAS, *(name for name, is_there in more if is_there)]
-    fixed = {".bin": ["reflectance"], ".ptx": ["intensity"]}.get(suffix)
+    fixed = _FIXED.get(Path(path).name, _FIXED.get(suffix))
     if fixed is not None:
         return fixed
     text = head.decode("latin-1")

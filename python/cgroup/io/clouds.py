@@ -28,6 +28,7 @@ from cgroup.io._e57 import parse_e57
 from cgroup.io._gltf import parse_gltf
 from cgroup.io._motion import MOST_LOST
 from cgroup.io.attributes import TEXTS
+from cgroup.io.colmap import parse_points
 from cgroup.io.files import naming, parse_file, write_file, written_path
 from cgroup.io.numpy_files import load_npy, load_npz_points, npz_bytes, read_arrays, single_number
 from cgroup.types import AnyCloud, BoolArray, FloatArray, PointCloud
@@ -46,11 +47,11 @@ _CLOUD_COLOR, _KEYPOINT_COLOR = (190, 190, 190), (213, 94, 0)
 def read_cloud(path: str | os.PathLike[str]) -> PointCloud:
     r"""Read a point cloud or mesh.
 
-    PLY, PCD, OBJ, STL, OFF, PTS, PTX, E57, LAS, LAZ, glTF, GLB, legacy VTK, text, KITTI's ``.bin``, NPY and
-    NPZ; https://cgroup-project.github.io/cgroup/files.html lists what is read of each. `read_depth` reads
-    depth images. Points with a NaN or infinite coordinate, those without a return, and splats of an opacity
-    below 0.1 are left out and counted in `PointCloud.dropped`. Text that can be read in two ways is refused.
-    Sizes that a file declares are checked against its length before memory is allocated.
+    PLY, PCD, OBJ, STL, OFF, PTS, PTX, E57, LAS, LAZ, glTF, GLB, legacy VTK, text, KITTI's ``.bin``, NPY,
+    NPZ, COLMAP's ``points3D``; https://cgroup-project.github.io/cgroup/files.html lists what is read of each.
+    `read_depth` reads depth images. Points with a NaN or infinite coordinate, those without a return, and
+    splats of an opacity below 0.1 are left out and counted in `PointCloud.dropped`. Text that can be read in
+    two ways is refused. Sizes that a file declares are checked against its length before memory is allocated.
 
     Parameters
     ----------
@@ -75,6 +76,8 @@ def read_cloud(path: str | os.PathLike[str]) -> PointCloud:
     suffix = path.suffix.lower()
     # The buffers of a glTF file may be next to it.
     reader = partial(parse_gltf, folder=path.parent) if suffix == ".gltf" else PARSERS.get(suffix)
+    if path.stem == "points3D" and suffix in (".bin", ".txt"):
+        reader = partial(parse_points, suffix)
     if reader is None:
         if path.is_dir():
             raise InputError(f"{path}: is a directory, not a file")

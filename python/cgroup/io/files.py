@@ -327,6 +327,19 @@ def folder_made_whole(folder: Path) -> Generator[Path]:
         shutil.rmtree(part, ignore_errors=True)
 
 
+@contextmanager
+def new_folder(folder: Path) -> Generator[Path]:
+    """As `folder_made_whole`, with errors that name the folder, which must not exist."""
+    if folder.exists():
+        raise InputError(f"{folder}: exists already; give the name of a new folder")
+    try:
+        with folder_made_whole(folder.absolute()) as made:
+            yield made
+    except (OSError, UnicodeEncodeError) as error:
+        reason = error.strerror or error if isinstance(error, OSError) else "no such file name"
+        raise InputError(f"{folder}: can't be written ({reason})") from error
+
+
 def remove_dead_parts(folder: Path) -> None:
     """Remove temporary files and folders of killed processes: those without a lock."""
     for part in folder.glob(f"{_BEGIN}*{_END}"):

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cgroup.errors import InputError
-from cgroup.io.files import folder_made_whole, load_json, read_content
+from cgroup.io.files import load_json, new_folder, read_content
 from cgroup.io.numpy_files import load_npy
 
 _FACTS = "map.json"
@@ -28,15 +28,11 @@ def check_new(folder: Path) -> Path:
 
 def save_arrays(folder: Path, facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
     """Write arrays to a new folder, all or none."""
-    check_new(folder)
-    try:
-        with folder_made_whole(folder.absolute()) as beside:
-            checks = {name: _save(beside / f"{name}.npy", array) for name, array in arrays.items()}
-            document = {"version": _VERSION, **facts, "arrays": checks}
-            content = json.dumps({**document, "check": _check_of(document)})
-            (beside / _FACTS).write_text(content, encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{folder}: can't be written ({error.strerror or error})") from error
+    with new_folder(folder) as beside:
+        checks = {name: _save(beside / f"{name}.npy", array) for name, array in arrays.items()}
+        document = {"version": _VERSION, **facts, "arrays": checks}
+        content = json.dumps({**document, "check": _check_of(document)})
+        (beside / _FACTS).write_text(content, encoding="utf-8")
 
 
 def _save(path: Path, array: NDArray[Any]) -> int:

@@ -13,20 +13,11 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
+from cgroup.cli import terminal
 from cgroup.cli.command import command, examples, make_app
 from cgroup.cli.documents import Document
 from cgroup.cli.options import JSON, OUTPUT, WIDE, argument, choice, complete_presets, flag, folder, option
 from cgroup.cli.process import StoppedError, stop_on_signals
-from cgroup.cli.terminal import (
-    Column,
-    paint,
-    print_line,
-    print_prose,
-    print_table,
-    print_text,
-    show_progress,
-    show_stages,
-)
 from cgroup.errors import InputError
 from cgroup.io.result_folders import check_folder
 
@@ -48,7 +39,6 @@ _DONE = {
 """Names of the results of each kind."""
 
 _VERDICT_COLORS = {"confirmed": "green", "partly": "yellow", "not confirmed": "red"}
-_CLAIMS = tuple(Column(header, is_text=True) for header in ("claim", "verdict", "the paper says"))
 _FAILURES_SHOWN = 10
 _INDENT = " " * 15
 
@@ -60,18 +50,14 @@ _OUT = folder("benchmark", "Folder of the records and everything made from them.
 
 app = make_app(
     help="Run the paper's evaluation, draw its figures and check its claims.",
-    epilog=examples(
-        "cgroup benchmark run smoke --out smoke",
-        "cgroup benchmark status --out smoke",
-        "cgroup benchmark report --out smoke",
-    ),
+    epilog=examples(*(f"cgroup benchmark {name} --out smoke" for name in ("run smoke", "status", "report"))),
 )
 
 
 @app.callback(invoke_without_command=True)
 def _without_command(context: typer.Context) -> None:
     if context.invoked_subcommand is None:
-        print_text(context.get_help())
+        terminal.print_text(context.get_help())
 
 
 @contextmanager
@@ -86,42 +72,44 @@ def _needs_extra() -> Generator[None, None, None]:
         raise InputError(message) from missing
 
 
+def _command(*described: str, **more: Any) -> Callable[[Any], Any]:
+    return lambda function: command(*described, app=app, **more)(_needs_extra()(function))
+
+
 # --- run and status ------------------------------------------------------------------------------
 
 
 def _print_summary(document: Document) -> None:
     done, out = document["results"], document["options"]["out"]
     _print_counts(done)
-    print_line(f"took {timedelta(seconds=round(done['seconds']))}; records are in {out}/")
+    terminal.print_line(f"took {timedelta(seconds=round(done['seconds']))}; records are in {out}/")
     if done["failed"]:
         wanted = sum(count["wanted"] for count in done["counts"].values())
-        print_line(f"{done['failed']} of {wanted} failed; see: cgroup benchmark status --out {out}")
+        terminal.print_line(f"{done['failed']} of {wanted} failed; see: cgroup benchmark status --out {out}")
 
 
 def _print_counts(found: Mapping[str, Any]) -> None:
     for stage, count in found["counts"].items():
         if count["wanted"]:
             failed = f", {count['failed']} failed" if count["failed"] else ""
-            print_line(f"{_DONE[stage]:<14} {count['done']} of {count['wanted']}{failed}")
+            terminal.print_line(f"{_DONE[stage]:<14} {count['done']} of {count['wanted']}{failed}")
     for name, why in found["left_out"].items():
-        print_prose(f"left out       {name}: {why}", _INDENT)
+        terminal.print_prose(f"left out       {name}: {why}", _INDENT)
 
 
-@command(
-    app,
+@_command(
     "run",
     "cgroup benchmark run smoke --out smoke",
     "cgroup benchmark run paper --data ~/data --out paper --workers 8",
     "cgroup benchmark run own.toml --methods gtm,lc,ransac",
     show=_print_summary,
 )
-@_needs_extra()
 def run_command(
     config: str = argument(
         "CONFIG", "TOML file, or a preset: see `cgroup benchmark presets`.", autocompletion=complete_presets
     ),
     *,
-    data: Path | None = option(None, "FOLDER", "Folder with the data sets.", None, "$CGROUP_DATA"),
+    data: Path | None = option("FOLDER", "Folder with the data sets.", None, "$CGROUP_DATA"),
     out: Path = _OUT,
     backend: Backend = choice(
         "processes",
@@ -129,13 +117,12 @@ def run_command(
         "Processes on this machine, a Dask cluster, or threads of this process.",
         "Workers",
     ),
-    workers: int | None = option(None, "COUNT", "How many workers.", "Workers", "one per core", min=1),
+    workers: int | None = option("COUNT", "How many workers.", "Workers", "one per core", min=1),
     scheduler: str | None = option(
-        None, "ADDRESS", "Address of the Dask scheduler.", "Workers", "$DASK_SCHEDULER_ADDRESS"
+        "ADDRESS", "Address of the Dask scheduler.", "Workers", "$DASK_SCHEDULER_ADDRESS"
     ),
     retry_failed: bool = flag("--retry-failed", "Run failed problems again.", None),
     methods: str | None = option(
-        None,
         "NAMES",
         "Methods in place of the configuration's: names with commas between, or all, or paper.",
         None,
@@ -152,17 +139,9 @@ def run_command(
         wanted = replace_methods(wanted, methods.split(","))
     check_folder(out)
     start = time.monotonic()
+    using: dict[str, Any] = {"backend": backend, "workers": workers, "scheduler": scheduler}
     with _run_resumably(out, quiet=as_json) as report:
-        summary = run(
-            wanted,
-            out,
-            root=data,
-            backend=backend,
-            workers=workers,
-            scheduler=scheduler,
-            retry_failed=retry_failed,
-            progress=report,
-        )
+        summary = run(wanted, out, root=data, **using, retry_failed=retry_failed, progress=report)
     return {
         "options": {"config": config, "out": out},
         "results": {
@@ -178,7 +157,7 @@ def run_command(
 def _run_resumably(out: Path, *, quiet: bool) -> Generator[Callable[[str, int, int], None], None, None]:
     """Show the progress of a run, and print how to continue after a stop, unless `quiet`."""
     try:
-        with stop_on_signals(), show_progress(counts=True) as progress:
+        with stop_on_signals(), terminal.show_progress(counts=True) as progress:
             tasks: dict[str, TaskID] = {}
 
             def report(stage: str, done: int, wanted: int) -> None:
@@ -193,7 +172,9 @@ def _run_resumably(out: Path, *, quiet: bool) -> Generator[Callable[[str, int, i
     except StoppedError as stopped:
         if not quiet:
             with suppress(OSError):  # of a terminal that is gone
-                print_line(f"Everything finished is in {out}/; run the same command again to continue.")
+                terminal.print_line(
+                    f"Everything finished is in {out}/; run the same command again to continue."
+                )
                 sys.stdout.flush()
         raise typer.Exit(stopped.status) from None
 
@@ -203,24 +184,24 @@ def _print_status(document: Document) -> None:
     _print_counts(found)
     failures = found["failures"]
     for failure in failures[:_FAILURES_SHOWN]:
-        print_prose(f"failed {failure['times']:>5} x {failure['method']}: {failure['error']}", _INDENT)
+        terminal.print_prose(
+            f"failed {failure['times']:>5} x {failure['method']}: {failure['error']}", _INDENT
+        )
     if len(failures) > _FAILURES_SHOWN:
-        print_line(f"and {len(failures) - _FAILURES_SHOWN} other errors")
+        terminal.print_line(f"and {len(failures) - _FAILURES_SHOWN} other errors")
 
 
-@command(app, "status", "cgroup benchmark status --out smoke", show=_print_status)
-@_needs_extra()
+@_command("status", "cgroup benchmark status --out smoke", show=_print_status)
 def status_command(out: Path = _OUT) -> Document:
     """Show progress and failures of a run."""
     from cgroup.benchmark import tables  # noqa: PLC0415 - slow to load
     from cgroup.benchmark.store import read_plan  # noqa: PLC0415
 
     keys = ("method", "error", "times")
-    failures = [dict(zip(keys, row, strict=True)) for row in tables.load_failures(out)]
     results = {
         "counts": {stage: count._asdict() for stage, count in tables.load_counts(out).items()},
         "left_out": read_plan(out, "missing"),
-        "failures": failures,
+        "failures": [dict(zip(keys, row, strict=True)) for row in tables.load_failures(out)],
     }
     return {"options": {"out": out}, "results": results}
 
@@ -230,12 +211,11 @@ def status_command(out: Path = _OUT) -> Document:
 
 def _print_presets(document: Document) -> None:
     for preset in document["results"]["presets"]:
-        print_prose(f"{preset['name']:<12} {preset['title']}", " " * 13)
-        print_prose(f"{'':<12} data: {', '.join(preset['data'])}", " " * 19)
+        terminal.print_prose(f"{preset['name']:<12} {preset['title']}", " " * 13)
+        terminal.print_prose(f"{'':<12} data: {', '.join(preset['data'])}", " " * 19)
 
 
-@command(app, "presets", "cgroup benchmark presets", show=_print_presets)
-@_needs_extra()
+@_command("presets", "cgroup benchmark presets", show=_print_presets)
 def presets_command() -> Document:
     """List the configurations that come with the package."""
     from cgroup.benchmark.config import preset_names, read_config  # noqa: PLC0415 - slow to load
@@ -249,16 +229,14 @@ def presets_command() -> Document:
 
 
 def _print_written(document: Document) -> None:
-    page, claims, figures = document["files"]
-    print_line(f"wrote {page}, {claims} and {figures}/")
+    terminal.print_line("wrote {}, {} and {}/".format(*document["files"]))
 
 
-@command(app, "report", "cgroup benchmark report --out smoke", show=_print_written)
-@_needs_extra()
+@_command("report", "cgroup benchmark report --out smoke", show=_print_written)
 def report_command(out: Path = _OUT) -> Document:
     """Write report.html, the figures and claims.md."""
     check_folder(out)
-    with show_stages() as begin:
+    with terminal.show_stages() as begin:
         from cgroup.benchmark.report import write_report  # noqa: PLC0415 - slow to load
 
         page = write_report(out, progress=begin)
@@ -275,47 +253,42 @@ def _print_claims(document: Document, *, format: Format, wide: bool) -> None:  #
 
     verdicts = TypeAdapter(list[Verdict]).validate_python(document["results"]["claims"])
     if format == "markdown":
-        print_text(as_markdown(verdicts))
+        terminal.print_text(as_markdown(verdicts))
         return
     if wide:
         for verdict in verdicts:
             _print_claim(verdict)
     else:
-        print_table(_CLAIMS, [(each.id, each.verdict, each.statement) for each in verdicts])
-    print_prose(document["results"]["counted"])
+        rows = [(each.id, each.verdict, each.statement) for each in verdicts]
+        terminal.print_table(("claim", "verdict", "the paper says"), rows, words=(0, 1, 2))
+    terminal.print_prose(document["results"]["counted"])
 
 
 def _print_claim(claim: Verdict) -> None:
-    print_text(f"{paint(claim.id, bold=True)}  {paint(claim.verdict, fg=_VERDICT_COLORS.get(claim.verdict))}")
-    said = {
-        "paper": claim.statement,
-        "test": claim.criterion,
-        "measured": claim.measured,
-        "why": claim.explanation,
-        "data": claim.data,
-    }
+    verdict = terminal.paint(claim.verdict, fg=_VERDICT_COLORS.get(claim.verdict))
+    terminal.print_text(f"{terminal.paint(claim.id, bold=True)}  {verdict}")
+    said = {"paper": claim.statement, "test": claim.criterion, "measured": claim.measured}
+    said |= {"why": claim.explanation, "data": claim.data}
     for name, text in said.items():
         if text:
-            print_prose(f"  {name:<9} {text}", " " * 12)
-    print_text("")
+            terminal.print_prose(f"  {name:<9} {text}", " " * 12)
+    terminal.print_text("")
 
 
-@command(
-    app,
+@_command(
     "claims",
     "cgroup benchmark claims --out paper",
     "cgroup benchmark claims --out paper --wide",
     "cgroup benchmark claims --out paper --format markdown > claims.md",
     show=_print_claims,
 )
-@_needs_extra()
 def claims_command(
     *,
     out: Path = _OUT,
     format: Format = choice("table", Format, "How to print them.", OUTPUT),  # noqa: A002, ARG001 - for `show`
 ) -> Document:
     """Check the paper's statements against the records."""
-    with show_stages() as begin:
+    with terminal.show_stages() as begin:
         from cgroup.benchmark import tables  # noqa: PLC0415 - slow to load
         from cgroup.benchmark.paper import claims  # noqa: PLC0415
 
@@ -334,8 +307,7 @@ def claims_command(
 # --- rankings ------------------------------------------------------------------------------------
 
 
-@command(app, "rankings", "cgroup benchmark rankings --out matches")
-@_needs_extra()
+@_command("rankings", "cgroup benchmark rankings --out matches")
 def rankings_command(*, out: Path = _OUT, as_json: bool = JSON, wide: bool = WIDE) -> Document | None:
     """Print rankings of grouping methods on matches."""
     from cgroup.benchmark import tables  # noqa: PLC0415 - slow to load
@@ -363,16 +335,14 @@ def rankings_command(*, out: Path = _OUT, as_json: bool = JSON, wide: bool = WID
 
 def _print_tables(title: str, label: str, tables: Iterable[Table], *, wide: bool) -> None:
     """Print tables of a report below a title."""
-    print_text(f"\n{paint(title, bold=True)}")
+    terminal.print_text(f"\n{terminal.paint(title, bold=True)}")
     if label:
-        print_prose(label)
+        terminal.print_prose(label)
     for table in tables:
-        print_text("")
-        print_prose(f"{table.caption}:")
-        columns = [
-            Column(header, is_text=not right, priority=max(0, at - 1))
-            for at, (header, right) in enumerate(zip(table.headers, table.right, strict=True))
-        ]
+        terminal.print_text("")
+        terminal.print_prose(f"{table.caption}:")
+        words = [at for at, right in enumerate(table.right) if not right]
         rows = [[cell.text for cell in row] for row in table.rows]
         best = {(at, to) for at, row in enumerate(table.rows) for to, cell in enumerate(row) if cell.best}
-        print_table(columns, rows, best=best, wide=wide)
+        drop = range(len(table.headers) - 1, 1, -1)
+        terminal.print_table(table.headers, rows, words=words, drop=drop, best=best, wide=wide)

@@ -1,7 +1,5 @@
 """``cgroup compare`` and ``demo``: run all methods on a pair of known pose."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -9,35 +7,14 @@ from typing import Any
 import numpy as np
 import typer
 
-from cgroup import io
-from cgroup.cli import options
-from cgroup.cli.command import command, identify_run, make_app
+from cgroup import comparison, io
+from cgroup.cli import options, terminal
+from cgroup.cli.command import command, identify_run
 from cgroup.cli.documents import Document
 from cgroup.cli.files import PairFiles, describe_pair, name_of_pair, read_both
-from cgroup.cli.options import option
+from cgroup.cli.options import FRONT, TRUTH, option
 from cgroup.cli.registration_facts import placement_facts, registration_results
-from cgroup.cli.terminal import (
-    Column,
-    print_clouds,
-    print_facts,
-    print_files,
-    print_line,
-    print_prose,
-    print_table,
-    show_stages,
-    show_value,
-    shown_name,
-    write_figure,
-)
-from cgroup.comparison import (
-    MAX_DISPLACEMENT,
-    MAX_ROTATION,
-    MethodResult,
-    compare,
-    find_correct,
-    table,
-    write_table,
-)
+from cgroup.comparison import MethodResult, compare, find_correct, table, write_table
 from cgroup.evaluation.ground_truth import CORRECT_WITHIN
 from cgroup.io.result_folders import Results
 from cgroup.registration import correspond, register
@@ -45,48 +22,38 @@ from cgroup.registry import label_of
 from cgroup.rigid import invert
 from cgroup.types import BoolArray, Correspondences, FloatArray, PointCloud
 
-_COLUMNS = (
-    Column("method", is_text=True),
-    Column("selected", priority=1),
-    Column("precision"),
-    Column("recall"),
-    Column("F"),
-    Column("P > 0.1", priority=4),
-    Column("registered"),
-    Column("rot deg", priority=2),
-    Column("off pr"),
-    Column("ms"),
+_HEAD = (
+    *("method", "selected", "precision", "recall", "F", "P > 0.1", "registered", "rot deg", "off pr", "ms"),
 )
-app = make_app()
 
 
 def _print_comparison(document: Document, *, wide: bool) -> None:
     results = document["results"]
     limits = results["limits"]
-    print_clouds(document["inputs"])
+    terminal.print_clouds(document["inputs"])
     counted = _count_correct(results["matches"], results["correct"])
-    pr = show_value(results["resolution"], ".4g")
-    print_facts(
+    pr = terminal.show_value(results["resolution"], ".4g")
+    terminal.print_facts(
         ("resolution", f"{pr} (mean point spacing, in the files' unit; 1 pr)"),
         ("matching", f"{counted}: within {CORRECT_WITHIN:g} pr of the true place"),
     )
     rows = sorted(results["methods"], key=lambda row: (-row["f_score"], row["milliseconds"]))
-    print_table(_COLUMNS, [_cells(row) for row in rows], wide=wide)
-    print_prose(
+    terminal.print_table(_HEAD, map(_cells, rows), drop=(5, 7, 1), wide=wide)
+    terminal.print_prose(
         f"Registered: the errors of the group's pose are at most {limits['max_rotation_deg']:g} degrees and "
         f"{limits['max_displacement_pr']:g} pr, the latter as mean displacement of the matched points. "
         "P > 0.1: the paper's criterion, which needs no pose."
     )
     if results["correct_under_inverse"]:
-        print_prose(
+        terminal.print_prose(
             f"Note: {results['correct_under_inverse']} matches would be correct under the inverse of this "
             "truth; the truth must map the source into the target's frame."
         )
     if "registration" in results:
-        print_line("")
-        print_line("Result of cgroup register, which verifies poses on the surfaces:")
-        print_facts(*placement_facts(results["registration"], document["inputs"][0]["centroid"]))
-    print_files(document)
+        terminal.print_line("")
+        terminal.print_line("Result of cgroup register, which verifies poses on the surfaces:")
+        terminal.print_facts(*placement_facts(results["registration"], document["inputs"][0]["centroid"]))
+    terminal.print_files(document)
 
 
 def _cells(row: dict[str, Any]) -> tuple[str, ...]:
@@ -95,7 +62,7 @@ def _cells(row: dict[str, Any]) -> tuple[str, ...]:
         label_of(row["method"]),
         str(row["selected"]),
         *(f"{row[name]:.3f}" for name in ("precision", "recall", "f_score")),
-        *(show_value(row[name]) for name in ("precision_above_0.1", "registered")),
+        *(terminal.show_value(row[name]) for name in ("precision_above_0.1", "registered")),
         *(f"{row[name]:.2f}" if posed else "no pose" for name in ("rotation_error_deg", "displacement_pr")),
         f"{duration:.1f}" if duration < 100 else f"{duration:.0f}",
     )
@@ -106,21 +73,19 @@ def _count_correct(matches: int, correct: int) -> str:
 
 
 @command(
-    app,
     "compare",
     "cgroup compare source.ply target.ply --truth pose.txt",
-    "",
     "# other descriptors",
     "cgroup compare a.ply b.ply --truth pose.txt --descriptor rcs --out rcs",
     show=_print_comparison,
-    takes=[name for name in options.FRONT if name != "resolution"],
+    takes=[name for name in FRONT if name != "resolution"],
 )
 def compare_command(
     context: typer.Context,
     source: Path = options.SOURCE,
     target: Path = options.TARGET,
     *,
-    truth: Path = option(..., "POSE", "File of the true pose of the source in the target.", options.TRUTH),
+    truth: Path = option("POSE", "File of the true pose of the source in the target.", TRUTH, default=...),
     out: Path = options.OUT,
     html: bool = options.HTML,
     **front_end: Any,
@@ -134,7 +99,7 @@ def compare_command(
         (source, target),
         read_both(source, target),
         true_pose,
-        title=f"{shown_name(source)} to {shown_name(target)}",
+        title=f"{terminal.shown_name(source)} to {terminal.shown_name(target)}",
         folder=out,
         run=identify_run(context),
         html=html,
@@ -143,7 +108,6 @@ def compare_command(
 
 
 @command(
-    app,
     "demo",
     "cgroup demo",
     "cgroup demo --seed 3 --out third --wide",
@@ -153,7 +117,7 @@ def compare_command(
 def demo_command(
     context: typer.Context,
     *,
-    seed: int = option(0, "NUMBER", "Seed of the shape.", "Shape", min=0),
+    seed: int = option("NUMBER", "Seed of the shape.", "Shape", default=0, min=0),
     out: Path = options.OUT,
     html: bool = options.HTML,
 ) -> Document:
@@ -163,7 +127,7 @@ def demo_command(
     """
     from cgroup.datasets import standin_pair  # noqa: PLC0415 - slow to load
 
-    with show_stages() as begin:
+    with terminal.show_stages() as begin:
         begin("generating two scans")
         pair = standin_pair(seed=seed)
     source, target, truth = (out / name for name in ("source.ply", "target.ply", "truth.txt"))
@@ -178,7 +142,7 @@ def demo_command(
     parts = _compare_methods(
         (source, target), clouds, true_pose, title="Generated pair", folder=out, run=run, html=html
     )
-    with show_stages() as begin:
+    with terminal.show_stages() as begin:
         done = register(*clouds, progress=begin)
         begin("figures")
         written = writer.write(clouds, done, true_pose)
@@ -197,22 +161,18 @@ def _compare_methods(
     html: bool,
     **front_end: Any,
 ) -> Document:
-    name, pages = name_of_pair(*files), ["comparison.html"] if html else []
-    endings = ["comparison.csv", "comparison.png", "comparison.npz"]
-    rows, panels_file, matches_file, *pages = (folder / f"{name}_{ending}" for ending in (*endings, *pages))
+    name, endings = name_of_pair(*files), ("csv", "png", "npz", *(["html"] if html else []))
+    rows, panels_file, matches_file, *pages = (folder / f"{name}_comparison.{end}" for end in endings)
     outputs = Results(folder, f"compare {name}")
     outputs.check([rows, panels_file, matches_file, *pages])
-    with show_stages() as begin:
+    with terminal.show_stages() as begin:
         matches = correspond(*clouds, progress=begin, **front_end)
         correct = find_correct(matches, true_pose)
-        results = list(
-            compare(
-                matches,
-                true_pose,
-                correct=correct,
-                progress=lambda method: begin(f"grouping by {label_of(method)}"),
-            )
-        )
+
+        def report(method: str) -> None:
+            begin(f"grouping by {label_of(method)}")
+
+        results = [*compare(matches, true_pose, correct=correct, progress=report)]
         begin("figure")
         from cgroup.plots import comparison_figure  # noqa: PLC0415 - slow to load
 
@@ -227,7 +187,7 @@ def _compare_methods(
         )
         with outputs.writing(run) as written:
             write_table(rows, results)
-            write_figure(panels_file, panels)
+            terminal.write_figure(panels_file, panels)
             io.write_correspondences(matches_file, matches)
             for file in pages:
                 from cgroup.pages import comparison_page, write_page  # noqa: PLC0415 - slow to load
@@ -235,7 +195,10 @@ def _compare_methods(
                 page = comparison_page(*clouds, matches, results, true_pose, correct=correct, title=title)
                 write_page(file, page)
     described = _describe(matches, correct, true_pose, results)
-    described["limits"] = {"max_rotation_deg": MAX_ROTATION, "max_displacement_pr": MAX_DISPLACEMENT}
+    described["limits"] = {
+        "max_rotation_deg": comparison.MAX_ROTATION,
+        "max_displacement_pr": comparison.MAX_DISPLACEMENT,
+    }
     return {"inputs": describe_pair(files, clouds), "results": described, "files": written}
 
 

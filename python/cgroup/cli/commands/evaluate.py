@@ -1,7 +1,5 @@
 """``cgroup evaluate``: score and compare results of any tool by the recalls of papers."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,11 +9,11 @@ import numpy as np
 from cgroup._checks.quoting import escape
 from cgroup._show.words import counted
 from cgroup.cli import options
-from cgroup.cli.command import command, make_app
+from cgroup.cli.command import command
 from cgroup.cli.documents import Document
 from cgroup.cli.files import unique_names
-from cgroup.cli.options import option
-from cgroup.cli.terminal import UNKNOWN, Column, print_facts, print_prose, print_table, print_text, show_value
+from cgroup.cli.options import TRUTH, option
+from cgroup.cli.terminal import UNKNOWN, print_facts, print_prose, print_table, print_text, show_value
 from cgroup.errors import InputError
 from cgroup.evaluation import recall_protocols as protocols
 from cgroup.evaluation.recall_protocols import Recall, RecallProtocol, compare_results
@@ -37,8 +35,6 @@ _LATEX = str.maketrans(
 )
 _MARKDOWN = str.maketrans({letter: f"\\{letter}" for letter in r"\`*_[]<>|~&$"})
 
-app = make_app()
-
 
 def print_evaluation(
     document: Document, *, wide: bool, curve: bool = False, latex: bool = False, markdown: bool = False
@@ -52,8 +48,8 @@ def print_evaluation(
         return
     for heading, columns, rows in _tables(done, curve=curve):
         print_prose(f"{heading}:")
-        described = [Column(name, name in _WORDS, max(0, at - 1)) for at, name in enumerate(columns)]
-        print_table(described, rows, wide=wide)
+        words = [at for at, name in enumerate(columns) if name in _WORDS]
+        print_table(columns, rows, words=words, drop=range(len(columns) - 1, 1, -1), wide=wide)
         print_text("")
     print_facts(*_facts(done))
 
@@ -115,7 +111,6 @@ def _as_latex(rows: list[list[str]]) -> str:
 
 
 @command(
-    app,
     "evaluate",
     "cgroup evaluate est_traj --protocol 3dmatch --truth benchmarks/3DMatch",
     "cgroup evaluate ours.csv theirs.npz --protocol kitti --truth poses.csv",
@@ -128,12 +123,12 @@ def evaluate_command(
     ),
     *,
     protocol: str = option(
-        ..., "NAME", f"{', '.join(protocols.protocol_names())}, or a .toml file.", options.TRUTH
+        "NAME", f"{', '.join(protocols.protocol_names())}, or a .toml file.", TRUTH, default=...
     ),
     truth: Path | None = option(
-        None, "PATH", "True poses: folders SCENE/gt.log, or a file like a result.", options.TRUTH, "none"
+        "PATH", "True poses: folders SCENE/gt.log, or a file like a result.", TRUTH, "none"
     ),
-    inverse: bool = options.flag("--inverse", "Poses map the target into the source's frame.", options.TRUTH),
+    inverse: bool = options.flag("--inverse", "Poses map the target into the source's frame.", TRUTH),
     curve: bool = options.flag("--curve", "Print the recall at 0.1 to 2 times the limits too."),  # noqa: ARG001
     latex: bool = options.flag("--latex", "Print the table of recalls as LaTeX."),  # noqa: ARG001 - for `show`
     markdown: bool = options.flag("--markdown", "Print the table of recalls as Markdown."),  # noqa: ARG001

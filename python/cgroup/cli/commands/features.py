@@ -1,13 +1,11 @@
 """``cgroup detect`` and ``describe``: keypoints of a cloud, with frames and descriptors."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
 from cgroup import io
 from cgroup.cli import options
-from cgroup.cli.command import command, make_app
+from cgroup.cli.command import command
 from cgroup.cli.documents import Document
 from cgroup.cli.files import describe_cloud, read_cloud
 from cgroup.cli.terminal import print_clouds, print_facts, print_files, show_stages, shown_name, write_figure
@@ -17,8 +15,6 @@ from cgroup.types import IndexArray, PointCloud
 
 _DETECTORS: dict[Detector, str] = {"h3d": "Harris 3D", "iss": "ISS"}
 _PICTURES = ("keypoints.ply", "keypoints.png")
-
-app = make_app()
 
 
 def _print_features(document: Document) -> None:
@@ -34,7 +30,6 @@ def _print_features(document: Document) -> None:
 
 
 @command(
-    app,
     "detect",
     "cgroup detect scan.ply",
     "cgroup detect scan.ply --detector iss --keypoints 500 --out keypoints",
@@ -64,10 +59,8 @@ def detect_command(cloud: Path = options.CLOUD, *, out: Path = options.OUT, **fr
 
 
 @command(
-    app,
     "describe",
     "cgroup describe scan.ply --descriptor rcs",
-    "",
     "# a whole model: normals by its faces",
     "cgroup describe model.ply --normals mesh --resolution 0.5 --out model",
     show=_print_features,

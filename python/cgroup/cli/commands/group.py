@@ -1,7 +1,5 @@
 """``cgroup group``: group the correspondences of a file."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import replace
 from inspect import signature
@@ -9,14 +7,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import typer
 
 from cgroup import io
 from cgroup._checks.values import as_length
 from cgroup.cli import options
-from cgroup.cli.command import command, make_app
-from cgroup.cli.documents import Document
-from cgroup.cli.files import extent_of
-from cgroup.cli.options import argument, option
+from cgroup.cli.command import command, identify_run
+from cgroup.cli.documents import Document, fields
+from cgroup.cli.files import extent_of, name_frames, name_of_pair, refuse_others, write_pose
+from cgroup.cli.options import GROUPING, METHOD_NAMES, argument, flag, option
+from cgroup.cli.targets import SIGMA, TARGETS, fit_files, print_targets, refuse_targets, report_files
 from cgroup.cli.terminal import print_facts, print_files, print_line, print_pose, show_stages
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.evaluation import match_errors
@@ -26,8 +26,6 @@ from cgroup.registry import METHODS, label_of
 from cgroup.types import Correspondences, FloatArray, Grouping
 
 _PARTS = ("mask", "transform", "residuals")
-_WITHOUT_TOLERANCE = ("gtm",)  # methods whose tolerance belongs to an option that the command line lacks
-app = make_app()
 
 
 def _read_tolerance(text: str | None) -> float | str | None:
@@ -38,6 +36,11 @@ def _read_tolerance(text: str | None) -> float | str | None:
 
 
 def _print_group(document: Document) -> None:
+    if document["options"]["targets"] is not None:
+        print_targets(document["results"])
+        print_pose(document["results"]["T_target_source"], document["inputs"][0])
+        print_files(document)
+        return
     found, method = document["results"], document["options"]["method"]
     matches, pr = document["inputs"][0]["matches"], document["options"]["resolution"]
     label = label_of(method)
@@ -57,54 +60,61 @@ def _print_group(document: Document) -> None:
 
 
 @command(
-    app,
     "group",
     "# six columns, x y z of the source and of the target",
     "cgroup group matches.txt",
     "",
     "cgroup group matches.npz --method SC2-PCR --tolerance 0.1 --json --out narrow",
-    "",
     "# of unknown unit: the tolerance is estimated by lc",
     "cgroup group matches.txt --method ransac --tolerance auto",
+    "# surveyed targets: name, x, y, z per line",
+    "cgroup group --targets scan.csv site.csv --html",
     show=_print_group,
 )
 def group_command(
-    correspondences: Path = argument(
+    context: typer.Context,
+    correspondences: Path | None = argument(
         "MATCHES",
         "Six columns, x y z x' y' z', of text, CSV or NPY; or NPZ with the fields of Correspondences.",
+        None,
     ),
     *,
     method: str = option(
-        "lc",
         "NAME",
-        f"Grouping method: {options.METHOD_NAMES}.",
-        options.GROUPING,
+        f"Grouping method: {METHOD_NAMES}.",
+        GROUPING,
+        default="lc",
         autocompletion=options.complete_methods,
     ),
     resolution: float | None = option(
-        None,
-        "LENGTH",
-        "Mean point spacing of the clouds, 1 pr, in the file's unit.",
-        options.GROUPING,
-        "as in the file",
+        "LENGTH", "Mean point spacing of the clouds, 1 pr, in the file's unit.", GROUPING, "as in the file"
     ),
     tolerance: Any = option(
-        None,
         "LENGTH|auto",
         "Tolerance of the method, in the file's unit; auto: estimated by lc.",
-        options.GROUPING,
+        GROUPING,
         "the method's",
         parser=str,
         callback=_read_tolerance,
     ),
+    targets: tuple[Path, Path] | None = TARGETS,
+    sigma: float | None = SIGMA,
     out: Path = options.OUT,
+    html: bool = flag("--html", "Write the report of the targets as a page too."),
 ) -> Document:
     """Group your own matches: the selected ones, their pose, and how reliable it is.
+
+    With --targets in place of MATCHES: the pose of surveyed targets, and the residual of each.
 
     Writes NAME_METHOD_mask.txt with 1 or 0 per match, the pose, NAME_METHOD_transform.txt, and the residual
     of each match, NAME_METHOD_residuals.txt. Exit status 3 means that the group may be due to chance; the
     files are written all the same.
     """
+    if targets is not None and correspondences is None:
+        return _fit(context, targets, sigma, out, html=html)
+    if targets is not None or correspondences is None:
+        message = "group: give either MATCHES, or --targets SOURCE TARGET"
+        raise InputError(message)
     method = check_method(method)
     method_options = _method_options(method, tolerance)
     spacing = None if resolution is None else as_length("resolution", resolution)
@@ -131,13 +141,26 @@ def group_command(
         "centroid": given.source.mean(axis=0, dtype=np.float64) if len(given) else None,
         "extent": extent_of(given.source) if len(given) else None,
     }
-    return {
-        "inputs": [matches],
-        "options": {"method": method, "resolution": given.resolution},
-        "results": {**results, "seconds": seconds},
-        "files": written,
-        "refusal": _refuse(results),
-    }
+    chosen = {"method": method, "resolution": given.resolution}
+    parts: Document = {"inputs": [matches], "options": chosen, "results": {**results, "seconds": seconds}}
+    return {**parts, "files": written, "refusal": _refuse(results)}
+
+
+def _fit(
+    context: typer.Context, files: tuple[Path, Path], sigma: float | None, out: Path, *, html: bool
+) -> Document:
+    """Fit surveyed targets, and write the pose and the report."""
+    inputs, found = fit_files(files, sigma)
+    name = name_of_pair(*files)
+    report = {out / f"{name}{end}": content for end, content in report_files(found, name, html=html).items()}
+    outputs, pose = Results(out, f"group {name}"), out / f"{name}.txt"
+    refuse_others([pose], name_frames(*files))
+    outputs.check([pose, *report])
+    with outputs.writing(identify_run(context)) as written:
+        write_pose(pose, found["T_target_source"], name_frames(*files))
+        for file, content in report.items():
+            io.write_file(file, content)
+    return {"inputs": inputs, "results": found, "files": written, "refusal": refuse_targets(found)}
 
 
 def _write_files(
@@ -153,22 +176,16 @@ def _write_files(
 
 def _refuse(found: Document) -> str | None:
     """Return the reason why a group is unreliable; None if it is reliable or not judged."""
-    if found["ok"] is None or found["ok"]:
-        return None
-    if found["why_no_pose"]:
-        return found["why_no_pose"]
-    return f"this group may be due to chance: {_count_by_chance(found['false_alarms'])}"
+    chance = f"this group may be due to chance: {_count_by_chance(found['false_alarms'])}"
+    return (found["why_no_pose"] or chance) if found["ok"] is False else None
 
 
 def _method_options(method: str, tolerance: float | str | None) -> dict[str, Any]:
     """Return the given options of the method; raise `InputError` if it lacks one."""
     if tolerance is None:
         return {}
-    having = [
-        name
-        for name, function in METHODS.items()
-        if "tolerance" in signature(function).parameters and name not in _WITHOUT_TOLERANCE
-    ]
+    having = [name for name, function in METHODS.items() if "tolerance" in signature(function).parameters]
+    having.remove("gtm")  # its tolerance belongs to an option that the command line lacks
     if method not in having:
         message = f"--tolerance: {method} has none; methods that have one: {', '.join(having)}"
         raise InputError(message)
@@ -178,16 +195,8 @@ def _method_options(method: str, tolerance: float | str | None) -> dict[str, Any
 def _results(matches: Correspondences, grouping: Grouping) -> Document:
     results: Document = {
         "selected": grouping.size,
-        "indices": grouping.indices,
-        "threshold": grouping.threshold,
-        "complete": grouping.complete,
-        "ok": grouping.ok,
-        "false_alarms": grouping.false_alarms,
-        "noise": grouping.noise,
-        "T_target_source": None,
-        "residual_rms": None,
-        "residual_max": None,
-        "why_no_pose": None,
+        **fields(grouping, "indices", "threshold", "complete", "ok", "false_alarms", "noise"),
+        **dict.fromkeys(("T_target_source", "residual_rms", "residual_max", "why_no_pose")),
     }
     try:
         pose = grouping.transform()
@@ -207,8 +216,7 @@ def _length(value: float, pr: float | None) -> str:
 def _reliability(found: Document, label: str) -> str:
     if found["ok"] is None:
         return f"unknown: {label} has no estimate; --method lc has"
-    chance = _count_by_chance(found["false_alarms"])
-    return f"{'yes' if found['ok'] else 'no'}: {chance}"
+    return f"{'yes' if found['ok'] else 'no'}: {_count_by_chance(found['false_alarms'])}"
 
 
 def _count_by_chance(expected: float | None) -> str:

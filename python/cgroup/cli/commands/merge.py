@@ -1,7 +1,5 @@
 """``cgroup merge``: register many scans into one scene."""
 
-from __future__ import annotations
-
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
@@ -12,21 +10,12 @@ import typer
 
 from cgroup._checks.quoting import escape
 from cgroup._show.words import counted
-from cgroup.cli import options
-from cgroup.cli.command import command, identify_run, make_app
-from cgroup.cli.documents import Document
+from cgroup.cli import options, terminal
+from cgroup.cli.command import command, identify_run
+from cgroup.cli.documents import Document, fields
 from cgroup.cli.errors import is_given
 from cgroup.cli.files import print_contents, unique_names
-from cgroup.cli.options import option
-from cgroup.cli.terminal import (
-    Column,
-    print_facts,
-    print_line,
-    print_table,
-    show_length,
-    show_stages,
-    write_figure,
-)
+from cgroup.cli.options import FORMATS, GIVE_VIEWPOINT, SEARCH, option
 from cgroup.errors import CgroupError, InputError
 from cgroup.io.attributes import unkept_attributes
 from cgroup.io.clouds import find_clouds
@@ -40,22 +29,7 @@ from cgroup.rigid.se3 import deviations_at
 from cgroup.scenes import Scene, false_joins, register_all
 from cgroup.scenes.scene import cloud_of
 
-_SCANS = (
-    Column("scan", is_text=True),
-    Column("component"),
-    Column("probability"),
-    Column("sd deg", priority=1),
-    Column("sd length", priority=1),
-)
-_EDGES = (
-    Column("source", is_text=True),
-    Column("target", is_text=True),
-    Column("probability"),
-    Column("residual"),
-    Column("kept", is_text=True),
-    Column("reason", is_text=True),
-)
-
+_EDGES = ("source", "target", "probability", "residual", "kept", "reason")
 _EDGE_KEYS = (
     *("source", "target", "T_target_source", "probability", "covariance", "fitness", "target_fitness"),
     *("kept", "residual", "reason"),
@@ -65,47 +39,42 @@ _EDGE_KEYS = (
 _MOST_EDGES = 40  # edges that are printed: dropped ones first, then by residual
 _POSES, _GRAPH, _MERGED, _PICTURE = "poses.tum", "graph.g2o", "merged.ply", "scene.png"
 _PAGE, _PAIRS = "scene.html", "pairs.sqlite"
-_FILES = {
-    _POSES: "pose of each scan in the frame of its component's first scan",
-    _GRAPH: "kept edges",
-    _MERGED: "all scans as one cloud",
-    _PICTURE: "picture",
-    _PAGE: "interactive page",
-    _PAIRS: "finished pairs, for another run",
+_CONTENTS = {
+    ".tum": "pose of each scan in the frame of its component's first scan",
+    ".g2o": "kept edges",
+    ".ply": "all scans as one cloud",
+    ".png": "picture",
+    ".html": "interactive page",
+    ".sqlite": "finished pairs, for another run",
 }
-"""Contents of the files; those of a second component are poses_2.tum and so on."""
-
-app = make_app()
 
 
 def _print_scene(document: Document, *, wide: bool) -> None:
-    done, files = document["results"], [Path(file) for file in document["files"]]
-    scans, edges = done["scans"], done["edges"]
-    print_table(
-        _SCANS,
-        [
-            (
-                scan["name"],
-                "left out" if scan["component"] is None else str(scan["component"] + 1),
-                _chance(scan["probability"]),
-                "" if scan["deviation_deg"] is None else f"{scan['deviation_deg']:.2g}",
-                "" if scan["deviation"] is None else show_length(scan["deviation"], 2),
-            )
-            for scan in scans
-        ],
-        wide=wide,
-    )
-    print_line("")
+    done, edges = document["results"], document["results"]["edges"]
+    rows = [
+        (
+            scan["name"],
+            "left out" if scan["component"] is None else str(scan["component"] + 1),
+            _show(scan["probability"]),
+            _show(scan["deviation_deg"], ".2g"),
+            "" if scan["deviation"] is None else terminal.show_length(scan["deviation"], 2),
+        )
+        for scan in done["scans"]
+    ]
+    head = ("scan", "component", "probability", "sd deg", "sd length")
+    terminal.print_table(head, rows, drop=(4, 3), wide=wide)
+    terminal.print_line("")
     if edges:
         shown = sorted(edges, key=lambda edge: (edge["kept"], -(edge["residual"] or 0.0)))[:_MOST_EDGES]
         columns = len(_EDGES) - all(edge["kept"] for edge in shown)  # none has a reason
-        print_table(_EDGES[:columns], [_row_of(edge, scans) for edge in shown], wide=wide)
+        rows = [_row_of(edge, done["scans"]) for edge in shown]
+        terminal.print_table(_EDGES[:columns], rows, words=(0, 1, 4, 5), wide=wide)
         if len(shown) < len(edges):
-            print_line(f"{len(shown)} of {len(edges)} edges; --json has all")
-        print_line("")
+            terminal.print_line(f"{len(shown)} of {len(edges)} edges; --json has all")
+        terminal.print_line("")
     kept = sum(edge["kept"] for edge in edges)
     unkept = list(dict.fromkeys(name for one in document["inputs"] for name in one["not_kept"]))
-    print_facts(
+    terminal.print_facts(
         ("components", ", ".join(counted(len(rows), "scan") for rows in done["components"])),
         ("pairs", f"{done['tried']} tried; edges: {kept} kept, {len(edges) - kept} dropped"),
         ("two scans", str(FalseAccepts(**done["false_accepts"]))),
@@ -116,7 +85,7 @@ def _print_scene(document: Document, *, wide: bool) -> None:
         *(("note", note) for note in done["notes"]),
         *([("not kept", f"{', '.join(unkept)} of the scans")] if unkept else []),
     )
-    print_contents({file: _FILES[_first_name(file)] for file in files})
+    print_contents(document, _CONTENTS)
 
 
 def _joined_wrongly(found: FalseAccepts) -> str:
@@ -127,26 +96,19 @@ def _joined_wrongly(found: FalseAccepts) -> str:
 
 def _row_of(edge: Document, scans: Sequence[Document]) -> tuple[str, ...]:
     names = scans[edge["source"]]["name"], scans[edge["target"]]["name"]
-    residual = "" if edge["residual"] is None else f"{edge['residual']:.2f}"
-    return (*names, _chance(edge["probability"]), residual, "yes" if edge["kept"] else "no", edge["reason"])
+    numbers = _show(edge["probability"]), _show(edge["residual"], ".2f")
+    return (*names, *numbers, "yes" if edge["kept"] else "no", edge["reason"])
 
 
-def _chance(value: float | None) -> str:
-    return "" if value is None else f"{value:.3f}"
-
-
-def _first_name(file: Path) -> str:
-    return f"{file.stem.partition('_')[0]}{file.suffix}"
+def _show(value: float | None, form: str = ".3f") -> str:
+    return "" if value is None else format(value, form)
 
 
 @command(
-    app,
     "merge",
     "cgroup merge scans/*.ply --out scene",
-    "",
     "# LiDAR scans, each from its own origin, in metres",
     "cgroup merge *.pcd --voxel 0.3 --viewpoint 0 0 0 --axis 0 0 1 --out map",
-    "",
     "# hundreds of scans, on a Dask cluster",
     "cgroup merge *.ply --scheduler tcp://10.0.0.1:8786 --out scene --json",
     show=_print_scene,
@@ -155,30 +117,27 @@ def _first_name(file: Path) -> str:
 def merge_command(
     context: typer.Context,
     scans: list[Path] = options.argument(
-        "CLOUD",
-        f"Scans in one unit, each in its own frame, in any order; or a folder of them: {options.FORMATS}.",
+        "CLOUD", f"Scans in one unit, each in its own frame, in any order; or a folder of them: {FORMATS}."
     ),
     *,
     scheduler: str | None = option(
-        None,
         "ADDRESS",
         "Dask scheduler whose workers register the pairs; local: one in this process.",
         "Machines",
         "this process",
     ),
-    threads: int | None = option(None, "COUNT", "Threads to compute on.", "Machines", "all cores", min=1),
+    threads: int | None = option("COUNT", "Threads to compute on.", "Machines", "all cores", min=1),
     decoys: int = option(
-        0,
         "COUNT",
         "Mirrored scans to add, which show how often a scan is joined wrongly.",
-        options.SEARCH,
+        SEARCH,
+        default=0,
         min=0,
     ),
     known: Path | None = option(
-        None,
         "FILE",
         "Known poses of some scans, with their names, as poses.tum has them; they give the frame.",
-        options.SEARCH,
+        SEARCH,
     ),
     out: Path = options.OUT,
     html: bool = options.HTML,
@@ -197,7 +156,7 @@ def merge_command(
     check_outputs([*possible, out / _PAIRS], scans)
     results = Results(out, "merge")
     results.check(_files_of(out, 1, html=html))
-    with _folder_if_needed(out), show_stages(piped=True) as begin:
+    with _folder_if_needed(out), terminal.show_stages(piped=True) as begin:
         scene = register_all(
             scans,
             **_read_names(scans, known),
@@ -214,24 +173,20 @@ def merge_command(
         results.check(_files_of(out, several, html=html))
         with results.writing(identify_run(context)) as files:
             _write(scene, out, several, html=html)
-    parts: Document = {
+    return {
         "inputs": inputs,
         "results": {
             "components": scene.components,
             "scans": placed,
-            "edges": [{key: getattr(edge, key) for key in _EDGE_KEYS} for edge in scene.edges],
+            "edges": [fields(edge, *_EDGE_KEYS) for edge in scene.edges],
             "tried": scene.tried,
             "false_accepts": asdict(scene.false_accepts),
             "false_joins": wrong,
-            "voxel": scene.voxel,
-            "notes": scene.notes,
-            "seconds": scene.seconds,
+            **fields(scene, "voxel", "notes", "seconds"),
         },
         "files": [*files, *([out / _PAIRS] if (out / _PAIRS).exists() else [])],
+        "refusal": _refuse(scene, has_viewpoint=is_given(context, "viewpoint")),
     }
-    if refusal := _refuse(scene, has_viewpoint=is_given(context, "viewpoint")):
-        parts["refusal"] = refusal
-    return parts
 
 
 def _read_names(scans: Sequence[Path], file: Path | None) -> dict[str, Any]:
@@ -250,8 +205,8 @@ def _read_names(scans: Sequence[Path], file: Path | None) -> dict[str, Any]:
     return {"names": names, "known": found}
 
 
-def _refuse(scene: Scene, *, has_viewpoint: bool) -> str:
-    """Return the omitted scans and the number of components in words; "" if all are connected."""
+def _refuse(scene: Scene, *, has_viewpoint: bool) -> str | None:
+    """Return the omitted scans and the number of components in words; None if all are connected."""
     placed = {row for rows in scene.components for row in rows}
     left_out = [name for row, name in enumerate(scene.names) if row not in placed]
     reasons: list[str] = []
@@ -259,13 +214,12 @@ def _refuse(scene: Scene, *, has_viewpoint: bool) -> str:
         names = ", ".join(left_out[:5]) + (", ..." if len(left_out) > 5 else "")
         reasons.append(f"{len(left_out)} of {counted(len(scene.names), 'scan')} left out ({names})")
     if len(scene.components) > 1:
-        hint = "" if has_viewpoint else options.GIVE_VIEWPOINT
+        hint = "" if has_viewpoint else GIVE_VIEWPOINT
         sizes = ", ".join(counted(len(rows), "scan") for rows in scene.components[:5])
         more = ", ..." if len(scene.components) > 5 else ""
-        reasons.append(
-            f"not all scans are connected: {len(scene.components)} components ({sizes}{more}){hint}"
-        )
-    return "; ".join(reasons)
+        parts = f"{len(scene.components)} components ({sizes}{more})"
+        reasons.append(f"not all scans are connected: {parts}{hint}")
+    return "; ".join(reasons) or None
 
 
 @contextmanager
@@ -328,7 +282,7 @@ def _write(scene: Scene, folder: Path, components: int, *, html: bool) -> None:
     for k in range(components):
         for name in (_POSES, _GRAPH, _MERGED):
             scene.write(_file(folder, name, k), component=k)
-        write_figure(_file(folder, _PICTURE, k), scene.plot(component=k))
+        terminal.write_figure(_file(folder, _PICTURE, k), scene.plot(component=k))
     if html:
         from cgroup.pages import scene_page, write_page  # noqa: PLC0415 - slow to load
 

@@ -1,7 +1,5 @@
 """``cgroup recognize``: detect models in a scene."""
 
-from __future__ import annotations
-
 import itertools
 from collections import Counter
 from pathlib import Path
@@ -13,19 +11,11 @@ import typer
 from cgroup import io
 from cgroup._checks.arrays import in_double
 from cgroup._show.words import say_placement
-from cgroup.cli import options
-from cgroup.cli.command import command, identify_run, make_app
-from cgroup.cli.documents import Document
+from cgroup.cli import options, terminal
+from cgroup.cli.command import command, identify_run
+from cgroup.cli.documents import Document, fields
 from cgroup.cli.files import describe_cloud, name_frames, name_of_pair, read_cloud, refuse_others, write_pose
-from cgroup.cli.options import argument, option
-from cgroup.cli.terminal import (
-    Column,
-    print_clouds,
-    print_facts,
-    print_files,
-    print_table,
-    show_stages,
-)
+from cgroup.cli.options import CLOUDS, FORMATS, GIVE_VIEWPOINT, SEARCH, argument, option
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.io.files import check_outputs
 from cgroup.io.result_folders import Results
@@ -33,20 +23,10 @@ from cgroup.registration import Registration, recognize
 from cgroup.rigid import apply
 from cgroup.types import PointCloud
 
-_COLUMNS = (
-    Column("model", is_text=True),
-    Column("found", is_text=True),
-    Column("probability"),
-    Column("visible %"),
-    Column("residual"),
-)
-
-app = make_app()
-
 
 def _print_models(document: Document, *, wide: bool) -> None:
     results = document["results"]
-    print_clouds(document["inputs"][:1])
+    terminal.print_clouds(document["inputs"][:1])
     rows: list[tuple[str, ...]] = []
     for name in (Path(one["file"]).stem for one in document["inputs"][1:]):
         copies = [one for one in results["found"] if one["model"] == name]
@@ -56,24 +36,22 @@ def _print_models(document: Document, *, wide: bool) -> None:
             which = "yes" if len(copies) == 1 else f"{place} of {len(copies)}"
             numbers = f"{one['probability']:.3f}", f"{100 * one['fitness']:.0f}", f"{one['inlier_rmse']:.3g}"
             rows.append((name, which, *numbers))
-    print_table(_COLUMNS, rows, wide=wide)
+    head = ("model", "found", "probability", "visible %", "residual")
+    terminal.print_table(head, rows, words=(0, 1), wide=wide)
+    for one in results["found"]:
+        where = say_placement(np.array(one["T_target_source"]), np.array(one["middle"]))
+        terminal.print_facts((Path(one["file"]).stem, where))
     if results["found"]:
-        placed = (
-            (one, np.array(one["T_target_source"]), np.array(one["middle"])) for one in results["found"]
-        )
-        print_facts(*((Path(one["file"]).stem, say_placement(*where)) for one, *where in placed))
-        print_facts(
+        terminal.print_facts(
             ("voxel", f"{results['voxel']:.4g} (in the files' unit, as all lengths)"),
             ("time", f"{results['seconds']:.2f} s"),
         )
-        print_files(document)
+        terminal.print_files(document)
 
 
 @command(
-    app,
     "recognize",
     "cgroup recognize chef.ply T-rex.ply --scene scan.ply --viewpoint 0 0 0",
-    "",
     "# number and poses of bolts",
     "cgroup recognize bolt.stl --scene box.pcd --voxel 0.002 --html --json",
     show=_print_models,
@@ -81,14 +59,10 @@ def _print_models(document: Document, *, wide: bool) -> None:
 )
 def recognize_command(
     context: typer.Context,
-    models: list[Path] = argument(
-        "MODEL", f"Whole models, in the scene's unit; meshes are best: {options.FORMATS}."
-    ),
+    models: list[Path] = argument("MODEL", f"Whole models, in the scene's unit; meshes are best: {FORMATS}."),
     *,
-    scene: Path = option(..., "CLOUD", "Scene to search.", options.CLOUDS),
-    most: int | None = option(
-        None, "COUNT", "Largest number of copies per model.", options.SEARCH, "no limit", min=1
-    ),
+    scene: Path = option("CLOUD", "Scene to search.", CLOUDS, default=...),
+    most: int | None = option("COUNT", "Largest number of copies per model.", SEARCH, "no limit", min=1),
     out: Path = options.OUT,
     html: bool = options.HTML,
     as_json: bool = options.JSON,
@@ -105,7 +79,7 @@ def recognize_command(
         name = Counter(file.stem for file in models).most_common(1)[0][0]
         message = f"models: got two files named {name!r}; rename one"
         raise InputError(message)
-    with show_stages() as begin:
+    with terminal.show_stages() as begin:
         clouds = {name: read_cloud(file, begin) for name, file in files.items()}
         target = read_cloud(scene, begin)
         results = {name: _outputs_of(out, file, scene) for name, file in files.items()}
@@ -113,12 +87,9 @@ def recognize_command(
         if html:
             Results(out, "recognize").check([page])
         found = recognize(clouds, target, **shared, most=most, progress=begin)
-    copies: Counter[str] = Counter()
-    written: list[tuple[Path, Path]] = []
-    for name, _ in found:
-        copies[name] += 1
-        written.append(_files_of(out, files[name], scene, copies[name]))
     by_model = {name: [k for k, (other, _) in enumerate(found) if other == name] for name in files}
+    copies = [by_model[name].index(k) + 1 for k, (name, _) in enumerate(found)]
+    written = [_files_of(out, files[one[0]], scene, copy) for one, copy in zip(found, copies, strict=True)]
     for name, rows in by_model.items():
         results[name].check(file for k in rows for file in written[k])
     pages = [page] if html and found else []
@@ -140,8 +111,7 @@ def recognize_command(
         ],
         "results": {
             "found": [
-                _describe(name, one, pose.name, clouds[name])
-                for (name, one), (pose, _) in zip(found, written, strict=True)
+                _describe(name, one, written[k][0].name, clouds[name]) for k, (name, one) in enumerate(found)
             ],
             "not_found": [name for name in clouds if not by_model[name]],
             "voxel": found[0][1].voxel if found else None,
@@ -152,7 +122,7 @@ def recognize_command(
     if not found:
         if not as_json:  # an error is an object of its own
             _print_models(parts, wide=wide)
-        hint = "" if shared["viewpoint"] else options.GIVE_VIEWPOINT
+        hint = "" if shared["viewpoint"] else GIVE_VIEWPOINT
         message = f"no model was found in {scene.name}{hint}"
         raise NoConsensusError(message)
     return parts
@@ -170,15 +140,9 @@ def _outputs_of(folder: Path, model: Path, scene: Path) -> Results:
 
 def _describe(model: str, found: Registration, file: str, cloud: PointCloud) -> Document:
     middle = (in_double(cloud.points.min(axis=0)) + in_double(cloud.points.max(axis=0))) / 2  # of the box
-    return {
-        "model": model,
-        "file": file,
-        "T_target_source": found.T_target_source,
-        "middle": apply(found.T_target_source, middle[None])[0],
-        "probability": found.probability,
-        "fitness": found.fitness,
-        "inlier_rmse": found.inlier_rmse,
-    }
+    pose = found.T_target_source
+    placed = {"model": model, "file": file, "T_target_source": pose, "middle": apply(pose, middle[None])[0]}
+    return {**placed, **fields(found, "probability", "fitness", "inlier_rmse")}
 
 
 def _stem(model: Path, scene: Path, copy: int) -> str:

@@ -1,7 +1,5 @@
 """``cgroup register`` and ``assess``: estimate the pose of one cloud on another, or judge a given one."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any, Literal
 
@@ -10,13 +8,14 @@ import typer
 from cgroup import io
 from cgroup._checks.quoting import escape
 from cgroup.cli import options
-from cgroup.cli.command import command, identify_run, make_app
+from cgroup.cli.command import command, identify_run
 from cgroup.cli.documents import Document
 from cgroup.cli.errors import RefusedPoseError, is_given, reword
-from cgroup.cli.files import PairFiles, describe_pair, name_of_pair, print_pair_files, read_both
-from cgroup.cli.options import argument, choice, flag, option
+from cgroup.cli.files import PairFiles, describe_pair, name_of_pair, print_contents, read_both
+from cgroup.cli.options import FRONT, METHOD_NAMES, OUTPUT, SEARCH, TRUTH, argument, choice, flag, option
 from cgroup.cli.process import write_error
 from cgroup.cli.registration_facts import describe_truth, placement_facts, registration_results
+from cgroup.cli.targets import SIGMA, TARGETS, fit_files, print_targets, refuse_targets, report_files
 from cgroup.cli.terminal import print_clouds, print_facts, print_pose, show_stages
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.group import check_method
@@ -27,12 +26,15 @@ Front = Literal["dense", "paper"]
 
 # Options of both commands.
 _PAIR = ("voxel", "viewpoint", "source_viewpoint", "target_viewpoint", "view_direction", "axis", "effort")
-app = make_app()
+# Options of the search, which targets replace.
+_SEARCH = ("matches", "initial", "radius", "angle", "scale", "method", "front", "support")
 
 
 def _print_registration(document: Document, *, verbose: bool) -> None:
-    done, files = document["results"], [Path(file) for file in document["files"]]
-    print_clouds(document["inputs"])
+    done = document["results"]
+    print_clouds(document["inputs"][:2])
+    if "targets" in done:
+        print_targets(done["targets"])
     print_facts(*placement_facts(done, document["inputs"][0]["centroid"]))
     if verbose:
         times = (f"{name} {1e3 * seconds:.0f} ms" for name, seconds in done["seconds"].items())
@@ -42,30 +44,26 @@ def _print_registration(document: Document, *, verbose: bool) -> None:
             ("time", ", ".join(times)),
         )
     print_pose(done["T_target_source"], document["inputs"][0])
-    print_pair_files(files)
+    print_contents(document)
 
 
 @command(
-    app,
     "register",
     "cgroup register source.ply target.ply",
-    "",
     "# two LiDAR scans, each from its own origin, in metres",
     "cgroup register a.pcd b.pcd --voxel 0.3 --viewpoint 0 0 0 --axis 0 0 1",
-    "",
     "# near a roughly known pose: within 5 m and 10 degrees",
     "cgroup register a.pcd b.pcd --initial odometry.txt --radius 5 --angle 10",
-    "",
     "# the source's unit is 0.5 to 2 of the target's",
     "cgroup register a.ply b.ply --scale 0.5 2",
-    "",
+    "# the pose of surveyed targets, judged on the clouds",
+    "cgroup register a.ply b.ply --targets scan.csv site.csv",
     "# errors against a known pose",
     "cgroup register a.ply b.ply --truth pose.txt",
-    "",
     "# the paper's feature extraction, for a script",
     "cgroup register a.ply b.ply --front paper --method gtm --json",
     show=_print_registration,
-    takes=(*_PAIR, *options.FRONT),
+    takes=(*_PAIR, *FRONT),
 )
 def register_command(
     context: typer.Context,
@@ -73,47 +71,37 @@ def register_command(
     target: Path = options.TARGET,
     others: list[Path] = argument("CLOUD", "More than two are refused.", None, hidden=True),
     *,
-    front: Front = choice(
-        "dense", Front, "Match all voxels by FPFH, or the paper's keypoints.", options.SEARCH
-    ),
+    front: Front = choice("dense", Front, "Match all voxels by FPFH, or the paper's keypoints.", SEARCH),
     method: str | None = option(
-        None,
         "NAME",
-        f"Grouping method that proposes poses: {options.METHOD_NAMES}.",
-        options.SEARCH,
+        f"Grouping method that proposes poses: {METHOD_NAMES}.",
+        SEARCH,
         "lc, or gtm with the paper's front",
         autocompletion=options.complete_methods,
     ),
-    support: float = option(DenseFront.support, "VOXELS", "Radius of FPFH, in voxels.", options.SEARCH),
+    support: float = option("VOXELS", "Radius of FPFH, in voxels.", SEARCH, default=DenseFront.support),
     matches: Path | None = option(
-        None,
-        "FILE",
-        "Your own matches, such as a network's, in place of FPFH's: x y z x' y' z', or NPZ.",
-        options.SEARCH,
+        "FILE", "Your own matches, such as a network's, in place of FPFH's: x y z x' y' z', or NPZ.", SEARCH
     ),
     initial: Path | None = option(
-        None, "POSE", "File of a rough pose, such as odometry's; the search stays near it.", options.SEARCH
+        "POSE", "File of a rough pose, such as odometry's; the search stays near it.", SEARCH
     ),
     radius: float | None = option(
-        None,
         "LENGTH",
         "Largest error of --initial at the source's middle.",
-        options.SEARCH,
+        SEARCH,
         "a fifth of the source's diagonal",
     ),
-    angle: float | None = option(
-        None, "DEGREES", "Largest rotation error of --initial, up to 60.", options.SEARCH, "15"
-    ),
+    angle: float | None = option("DEGREES", "Largest rotation error of --initial, up to 60.", SEARCH, "15"),
     scale: tuple[float, float] | None = option(
-        None,
         "LOW HIGH",
         "Estimate the scale too, within this range: the source's unit in the target's.",
-        options.SEARCH,
+        SEARCH,
         "the same unit",
     ),
-    truth: Path | None = option(
-        None, "POSE", "File of the true pose; errors against it are printed.", options.TRUTH
-    ),
+    targets: tuple[Path, Path] | None = TARGETS,
+    sigma: float | None = SIGMA,
+    truth: Path | None = option("POSE", "File of the true pose; errors against it are printed.", TRUTH),
     out: Path = options.OUT,
     html: bool = options.HTML,
     merged: bool = flag("--merged", "Write both clouds as one too: downsampled, coloured."),
@@ -126,8 +114,9 @@ def register_command(
     needs no matches. The options of keypoints and descriptors are those of --front paper.
     """
     _check_options(context, 2 + len(others or ()), front)
-    if method is not None:
-        method = check_method(method)
+    if targets is not None:
+        return _assess_targets(context, (source, target), targets, sigma, shared)
+    method = None if method is None else check_method(method)
     true_pose, rough = (None if file is None else io.read_transform(file) for file in (truth, initial))
     own = None if matches is None else io.read_correspondences(matches)
     clouds = read_both(source, target)
@@ -137,7 +126,7 @@ def register_command(
             done = register(
                 *clouds,
                 **{name: shared[name] for name in _PAIR},
-                front=_front(context, front, support, {name: shared[name] for name in options.FRONT}),
+                front=_front(context, front, support, {name: shared[name] for name in FRONT}),
                 matches=own,
                 initial=rough,
                 radius=radius,
@@ -154,8 +143,7 @@ def register_command(
             write_error(f"cgroup: wrote {page.name} of the refused guess to {escape(str(out))}/")
         if guess is None:
             raise
-        if not html:
-            reason = f"{reason}{options.DRAW_GUESS}"
+        reason = reason if html else f"{reason}{options.DRAW_GUESS}"
         results = registration_results(guess, clouds, true_pose)
         if true_pose is not None and not as_json:
             print_facts(("truth", f"the refused guess is {describe_truth(results)}"))
@@ -167,8 +155,35 @@ def register_command(
     }
 
 
+def _assess_targets(
+    context: typer.Context,
+    files: tuple[Path, Path],
+    targets: tuple[Path, Path],
+    sigma: float | None,
+    shared: dict[str, Any],
+) -> Document:
+    """Judge the pose of surveyed targets on the clouds, and write it with the report of the targets."""
+    given = context.params
+    true_pose = None if given["truth"] is None else io.read_transform(given["truth"])
+    inputs, found = fit_files(targets, sigma)
+    report = report_files(found, name_of_pair(*files), html=given["html"])
+    clouds, written = read_both(*files), {name: given[name] for name in ("html", "merged")}
+    writer = PairFiles(given["out"], *files, identify_run(context), **written, report=report)
+    with show_stages() as begin:
+        pair = {name: shared[name] for name in _PAIR}
+        done = assess(*clouds, found["T_target_source"], **pair, progress=begin)
+        begin("figures")
+        names = writer.write(clouds, done, true_pose)
+    doubt = None if done.ok else f"the clouds do not confirm the pose of the targets: {done.notes[0]}"
+    return {
+        "inputs": [*describe_pair(files, clouds), *inputs],
+        "results": {**registration_results(done, clouds, true_pose), "targets": found},
+        "files": names,
+        "refusal": refuse_targets(found) or doubt,
+    }
+
+
 @command(
-    app,
     "assess",
     "cgroup assess source.ply target.ply pose.txt",
     "cgroup assess a.pcd b.pcd odometry.txt --viewpoint 0 0 0 --html --json",
@@ -181,7 +196,7 @@ def assess_command(
     target: Path = options.TARGET,
     pose: Path = argument("POSE", "File of the pose that maps the source into the target's frame."),
     *,
-    out: Path = options.folder("out", "Folder for the page; created if needed.", options.OUTPUT),
+    out: Path = options.folder("out", "Folder for the page; created if needed.", OUTPUT),
     html: bool = options.HTML,
     **shared: Any,
 ) -> Document:
@@ -232,11 +247,15 @@ def _check_options(context: typer.Context, clouds: int, front: Front) -> None:
         advice = "cgroup merge registers many into one scene"
         message = f"register: got {clouds} clouds, and registers two; {advice}"
         raise InputError(message)
-    other, names = ("dense", ["support"]) if front == "paper" else ("paper", options.FRONT)
+    other, names = ("dense", ["support"]) if front == "paper" else ("paper", FRONT)
     for name in names:
         if is_given(context, name):
             refused = "--" + name.replace("_", "-")
             message = f"{refused}: belongs to --front {other}, but the front is {front!r}"
             raise InputError(message)
+    if is_given(context, "targets"):
+        for name in (*_SEARCH, *FRONT):
+            if is_given(context, name):
+                raise InputError(name, remedy="has no use with --targets, which give the pose; leave it out")
     if is_given(context, "truth") and is_given(context, "scale"):
         raise InputError("truth", remedy="files of poses have no scale; leave out --truth, or --scale")
