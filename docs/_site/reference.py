@@ -83,7 +83,7 @@ GROUPS: dict[str, dict[str, str]] = {
         "Targets": "read_targets",
         "Matches and groups": "read_correspondences write_correspondences write_mask",
         "Descriptors and keypoints": "read_descriptors write_descriptors write_keypoints",
-        "Any file": "transform_file write_file",
+        "Any file": "merge_files transform_file write_file",
     },
     "cgroup.rigid": {
         "Transforms": "apply invert check_rigid RIGID_TOLERANCE",

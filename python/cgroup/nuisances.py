@@ -14,9 +14,8 @@ import numpy as np
 from cgroup import features
 from cgroup._checks.calls import load_plugin
 from cgroup._checks.values import as_choice, as_instance, as_number, as_word, guess_word, refuse_word
-from cgroup.datasets.base import MatchingPair, mean_resolution
+from cgroup.datasets.base import MatchingPair, mean_resolution, voxel_subset
 from cgroup.datasets.generated.stones import random_direction, stones_around
-from cgroup.datasets.voxels import voxel_subset
 from cgroup.errors import InputError
 from cgroup.evaluation import overlap
 from cgroup.evaluation.ground_truth import OVERLAP_WITHIN, VISIBLE_WITHIN

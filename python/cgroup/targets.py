@@ -1,7 +1,5 @@
 """Poses from surveyed targets: least squares, and tests that name blunders."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -19,6 +17,8 @@ from cgroup.errors import InputError
 from cgroup.rigid import apply
 from cgroup.rigid.se3 import about, cross
 from cgroup.types import BoolArray, FloatArray
+
+__all__ = ["TargetFit", "fit_targets"]
 
 _NAMED, _DOUBTED = 0.001, 0.01  # probabilities of naming, and of suspecting, a blunder where there is none
 _KNOWN = 10  # observations that a given sigma counts as; it is then right to 22 %
@@ -204,18 +204,19 @@ class _Fits:
         squares = self.fit(used[None], self.source)[2]
         if len(used) == 3 and not self.known:
             found.append("three targets have no redundancy in which a blunder could be named")
-        if self.known and f_tail(squares / redundancy * _KNOWN / self._sum, redundancy, _KNOWN) < _DOUBTED:
+        ratio = squares / redundancy / (self._sum / _KNOWN + self._floor)
+        if self.known and f_tail(ratio, redundancy, _KNOWN) < _DOUBTED:
             found.append("the residuals are larger than sigma explains")
         width = np.linalg.svd(self.source[used] - self.source[used].mean(axis=0))[1][1]
         if width < _LINE * np.sqrt(self.variance(squares, redundancy)):
             found.append("the targets are almost on one line, about which the pose is uncertain")
-        ratio = float(np.linalg.norm(self.target) / np.linalg.norm(self.source))
-        changed = self.source, self.source[:, [1, 0, 2]], ratio * self.source
+        unit = float(np.linalg.norm(self.target) / np.linalg.norm(self.source))
+        changed = self.source, self.source[:, [1, 0, 2]], unit * self.source
         own, swapped, scaled = (float(self.fit(rows, points)[2][0]) for points in changed)
         if len(used) > 3 and _BETTER * swapped < own:
             found.append("one file has x and y swapped: the mirrored targets agree")
         elif len(used) > 3 and _BETTER * scaled < own:
-            found.append(f"the units differ: the target's distances are {ratio:.6g} of the source's")
+            found.append(f"the units differ: the target's distances are {unit:.6g} of the source's")
         return found
 
     def find_blunders(self) -> tuple[BoolArray, BoolArray, BoolArray, float]:

@@ -88,14 +88,14 @@ pub fn page_checksums(
 
 /// Unpacks points of E57 from the packets between two bytes: a column of each field that is not None.
 #[pyfunction]
-pub fn unpack_e57<'py>(
-    py: Python<'py>,
+pub fn unpack_e57(
+    py: Python<'_>,
     content: PyBackedBytes,
     section: (usize, usize),
     fields: Vec<Option<PyField>>,
     count: usize,
     run_options: RunOptions,
-) -> PyResult<Vec<PyColumn<'py>>> {
+) -> PyResult<Vec<PyColumn<'_>>> {
     let columns = run(py, &run_options, move |execution| {
         let section = content.get(section.0..section.1).unwrap_or_default();
         let fields: Vec<_> = fields.into_iter().map(|field| field.map(e57_field)).collect();

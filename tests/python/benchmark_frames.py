@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from cgroup.benchmark.problem import COMBINATIONS
-from cgroup.evaluation.bins import CLUTTER, OCCLUSION, OVERLAP
+from cgroup.evaluation.protocols import CLUTTER, OCCLUSION, OVERLAP
 from cgroup.registry import PAPER_METHODS as METHODS
 
 

@@ -238,6 +238,7 @@ def _files(folder: Path) -> dict[str, dict[str, Any]]:
         "read_targets": {"path": folder / "targets.csv"},
         "read_transform": {"path": folder / "pose.txt"},
         "read_transforms": {"path": folder / "pose.txt"},
+        "merge_files": {"paths": [folder / "cloud.ply"], "poses": [np.eye(4)], "out": folder / "merged.las"},
         "transform_file": {
             "path": folder / "cloud.ply",
             "pose": np.eye(4),

@@ -8,7 +8,7 @@ from test_plots import drawn
 
 from cgroup.benchmark.paper.evidence import Evidence, mean_times
 from cgroup.benchmark.report.curves import draw_times, matches_chart, rates_chart, scores_chart
-from cgroup.evaluation.bins import LEAST_PAIRS
+from cgroup.evaluation.protocols import LEAST_PAIRS
 from cgroup.plots.style import METHOD_STYLES
 
 LEVEL = "level (pr)"

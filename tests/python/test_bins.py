@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cgroup.evaluation.bins import CLUTTER, OCCLUSION, OVERLAP, binned
+from cgroup.evaluation.protocols import CLUTTER, OCCLUSION, OVERLAP, binned
 
 
 def test_nearest_level_without_limit_at_the_ends() -> None:

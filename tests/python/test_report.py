@@ -20,7 +20,7 @@ from cgroup.benchmark.report.charts import FigureFiles
 from cgroup.benchmark.report.sections import ranking_table, score_table
 from cgroup.benchmark.stats import bootstrap
 from cgroup.errors import InputError
-from cgroup.evaluation.bins import LEAST_PAIRS
+from cgroup.evaluation.protocols import LEAST_PAIRS
 from cgroup.plots.charts import Chart
 
 VOID = {"meta", "img", "input", "link", "br", "hr"}

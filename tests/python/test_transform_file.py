@@ -131,6 +131,11 @@ def test_las_without_points_and_with_a_wrong_box(tmp_path: Path) -> None:
     (tmp_path / "in.las").write_bytes(content)
     with pytest.raises(InputError, match=r"in\.las: .*outside the box"):
         transform_file(tmp_path / "in.las", make_pose(0), tmp_path / "bad.las")
+    header = las_file(tmp_path / "in.las").header
+    end = header.offset_to_point_data + 100 * header.point_format.size
+    (tmp_path / "cut.las").write_bytes((tmp_path / "in.las").read_bytes()[:end])
+    with pytest.raises(InputError, match=r"cut\.las: .*100 of 1000 points"):
+        transform_file(tmp_path / "cut.las", make_pose(0), tmp_path / "bad.las")
     assert not (tmp_path / "bad.las").exists()
 
 

@@ -102,6 +102,7 @@ WRONG_CALLS: dict[str, list[Callable[[Any], Any]]] = {
     "cgroup.comparison.compare": [lambda compare: list(compare(BARE, np.eye(4)))],
     "cgroup.comparison.find_correct": [given(BARE, np.eye(4))],
     "cgroup.comparison.write_table": [given("table.csv", [])],
+    "cgroup.io.merge_files": [given([], [], "merged.las"), given(["scan.ply"], [np.eye(4)], "merged.ply")],
     "cgroup.io.transform_file": [given("scan.vtk", np.eye(4), "moved.vtk")],
     "cgroup.plots.comparison_figure": [drawn(correct=PROBLEM.inlier_mask, masks={"gtm": np.ones(3, bool)})],
     "cgroup.plots.keypoints_figure": [given(PROBLEM.source, {"h3d": np.array([12])}, title="")],

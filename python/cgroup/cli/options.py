@@ -62,17 +62,18 @@ def choice(default: str, kind: Any, help_text: str, section: str | None) -> Any:
     return option("|".join(get_args(kind)), help_text, section, default=default)
 
 
-def flag(name: str, help_text: str, section: str | None = OUTPUT, **more: Any) -> Any:
-    """Describe an option without a value."""
-    return typer.Option(False, name, help=help_text, rich_help_panel=section, **more)
+def flag(
+    name: str, help_text: str, section: str | None = OUTPUT, *, needs: str = "", extra: str = "scans"
+) -> Any:
+    """Describe an option without a value; it is refused before the work begins without a needed library."""
 
+    def check(wanted: bool) -> bool:
+        if wanted and needs and find_spec(needs) is None:
+            message = f"{name}: needs {needs}; pip install 'cgroup[{extra}]'"
+            raise InputError(message)
+        return wanted
 
-def _need_plotly(wanted: bool) -> bool:
-    """Raise `InputError` early if a page is requested without plotly."""
-    if wanted and find_spec("plotly") is None:
-        message = "--html: needs plotly; pip install 'cgroup[scans]'"
-        raise InputError(message)
-    return wanted
+    return typer.Option(False, name, help=help_text, rich_help_panel=section, callback=check)
 
 
 def folder(
@@ -109,7 +110,7 @@ OUT = folder("out", "Folder for the results; created if needed.", OUTPUT, check=
 JSON = flag("--json", "Print one JSON object instead of text.")
 VERBOSE = flag("--verbose", "Print voxel, matches and the time of each stage too.")
 WIDE = flag("--wide", "Print all columns, whatever their width.")
-HTML = flag("--html", "Write an interactive page for the browser too.", callback=_need_plotly)
+HTML = flag("--html", "Write an interactive page for the browser too.", needs="plotly")
 
 # Shared options of the paper's feature extraction.
 FRONT = ("detector", "descriptor", "normals", "keypoints", "nms_radius", "resolution")

@@ -5,9 +5,8 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from cgroup.datasets.base import MatchingPair, fitting_pose, view_pair
+from cgroup.datasets.base import MatchingPair, fitting_pose, view_pair, voxel_means
 from cgroup.datasets.file_datasets import FileDataset, manifest_pairs
-from cgroup.datasets.voxels import voxel_means
 from cgroup.io import read_cloud
 from cgroup.io.transforms import read_log
 from cgroup.rigid import check_rigid

@@ -98,7 +98,7 @@ def logical(address: int) -> int:
 
 def description(pages: NDArray[np.uint8]) -> bytes:
     """Return the XML of a file."""
-    address, length = struct.unpack_from("<24xQQ", pages)
+    address, length = struct.unpack_from("<24xQQ", pages.data)
     part = pages[address // PAGE : address // PAGE + min(length, _LONGEST_XML) // USED + 2, :USED].tobytes()
     text = part[address % PAGE :][:length]
     if len(text) < length or length > _LONGEST_XML:

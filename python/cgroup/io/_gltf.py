@@ -1,7 +1,5 @@
 """glTF 2.0 and GLB: triangles and points of a scene, in its frame."""
 
-from __future__ import annotations
-
 import base64
 import json
 import struct

@@ -23,8 +23,8 @@ def _axes(*forms: str) -> list[tuple[str, ...]]:
 XYZ, NORMAL = _axes("{}", "n{}")
 CORNERS = [XYZ, *_axes("corner_1_{}", "corner_2_{}")]  # of the triangles of STL
 _POINTS = [*CORNERS, *_axes("vp_{}", "view_p{}")]
-_DIRECTIONS = [NORMAL, *_axes("normal_{}", "normal{}", "principal_curvature_{}")]
-_DIRECTIONS += _axes("x_axis{}", "y_axis{}", "z_axis{}")  # of a camera
+_CAMERA = _axes("x_axis{}", "y_axis{}", "z_axis{}")
+_DIRECTIONS = [NORMAL, *_axes("normal_{}", "normal{}", "principal_curvature_{}"), *_CAMERA]
 _ROTATION = tuple(f"rot_{k}" for k in range(4))  # w x y z
 _SCALES = tuple(f"scale_{k}" for k in range(3))
 MOST_LOST = 1e-6  # share of a cloud's size by which the rounding of a format may move points

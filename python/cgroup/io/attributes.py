@@ -1,7 +1,5 @@
 """Attributes of points in files of clouds that are neither used nor kept."""
 
-from __future__ import annotations
-
 import os
 import re
 from pathlib import Path

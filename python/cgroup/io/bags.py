@@ -1,7 +1,5 @@
 """Clouds of ROS recordings: MCAP, ROS 2 bags and ROS 1 bags, one message at a time, by rosbags."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from pathlib import Path

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import json
 import os
 import shutil
@@ -22,18 +21,15 @@ from cgroup.errors import InputError
 from cgroup.io import _e57 as e57
 from cgroup.io import _moved_tables as tables
 from cgroup.io._gltf import JSON_CHUNK
-from cgroup.io._motion import MOST_LOST, NORMAL, XYZ, Motion
+from cgroup.io._motion import NORMAL, Motion
 from cgroup.io.attributes import TEXTS
 from cgroup.io.files import check_outputs, faults_of, load_json, open_input, write_stream
-from cgroup.rigid import apply, check_rigid
+from cgroup.io.las import move_las
+from cgroup.rigid import check_rigid
 from cgroup.rigid.transforms import quaternions, scaling
 from cgroup.types import FloatArray
 
 _Moves: TypeAlias = Callable[[Motion, BinaryIO, BinaryIO], None]
-
-_LAS_HEAD = 375
-_POINTS = 500_000  # of LAS that are moved at a time
-_MOST = 2**31 - 2  # of a coordinate of LAS in units of its scale
 
 
 def transform_file(
@@ -97,59 +93,6 @@ def check_movable(path: Path) -> None:
         raise InputError(
             f"{path}: {path.suffix!r} files are not moved; known are {' '.join(sorted(_MOVERS))}"
         )
-
-
-def _move_las(motion: Motion, source: BinaryIO, out: BinaryIO, *, is_packed: bool = False) -> None:
-    import laspy  # noqa: PLC0415 - slow to load, optional
-
-    head, size = source.read(_LAS_HEAD).ljust(_LAS_HEAD, b"\0"), source.seek(0, os.SEEK_END)
-    vlrs, more = struct.unpack_from("<I139xI", head, 100)
-    records = vlrs + (more if head[25] > 3 else 0)
-    if head[:4] != b"LASF" or 54 * records > size:
-        raise InputError(f"{records} records in {size} bytes")
-    source.seek(0)
-    with laspy.open(source, closefd=False) as reader:
-        header, evlrs = copy.deepcopy(reader.header), reader.evlrs
-        header.evlrs = None
-        for kept in (header.vlrs, evlrs or []):
-            for record in [record for record in kept if record.user_id == "copc"]:
-                kept.remove(record)
-                motion.notes.append("the index of COPC: not kept; write it again, as with untwine")
-        if header.point_format.has_waveform_packet:
-            motion.notes.append("waveforms: not copied; points keep their addresses in the original file")
-        if header.point_count:
-            header.scales, header.offsets = _choose_grid(motion, np.array([header.mins, header.maxs]), header)
-        given = {name.lower(): name for name in header.point_format.dimension_names if name not in "XYZ"}
-        given |= zip(XYZ, XYZ, strict=True)
-        names = motion.names(given)
-        with laspy.LasWriter(out, header, do_compress=is_packed, closefd=False) as writer:
-            for points in reader.chunk_iterator(_POINTS):
-                moved = motion.move({name: np.array(points[given[name]]) for name in names})
-                points.scales, points.offsets = header.scales, header.offsets
-                try:
-                    for name, values in moved.items():
-                        points[given[name]][:] = values
-                except OverflowError as error:
-                    reason = "its points are outside the box that its header declares; repair the header"
-                    raise InputError(reason) from error
-                writer.write_points(points)
-            if evlrs:
-                writer.write_evlrs(evlrs)
-
-
-def _choose_grid(motion: Motion, box: FloatArray, header: Any) -> tuple[FloatArray, FloatArray]:  # noqa: ANN401
-    """Return scales and offsets: as fine as before, and at most a millionth of the extent."""
-    moved = apply(motion.matrix, np.stack(np.meshgrid(*box.T), axis=-1).reshape(-1, 3))
-    low, high = moved.min(axis=0), moved.max(axis=0)
-    extent = motion.scale * float(np.linalg.norm(box[1] - box[0]))
-    before = grid = float(np.min(header.scales)) * motion.scale
-    while 0.0 < extent < 0.5 * grid / MOST_LOST:
-        grid /= 10
-    while (high - low).max() / 2 + 1 > _MOST * grid:
-        grid *= 10
-    if grid > before:
-        motion.notes.append(f"coordinates: rounded to {grid:g}, as 32 bits hold no finer ones of this extent")
-    return np.full(3, grid), np.floor((low + high) / 2)
 
 
 def _move_e57(motion: Motion, source: BinaryIO, out: BinaryIO) -> None:
@@ -228,13 +171,18 @@ def _add_roots(motion: Motion, document: Any) -> bytes:  # noqa: ANN401 - of JSO
     return json.dumps(document, separators=(",", ":"), ensure_ascii=False).encode()
 
 
-_MOVERS: dict[str, _Moves] = dict.fromkeys(TEXTS, tables.move_text)
-_MOVERS |= {".xyzn": partial(tables.move_text, more=NORMAL), ".obj": tables.move_obj, ".ptx": tables.move_ptx}
-_MOVERS |= {
+_MOVERS: dict[str, _Moves] = {
+    **dict.fromkeys(TEXTS, tables.move_text),
+    ".xyzn": partial(tables.move_text, more=NORMAL),
+    ".obj": tables.move_obj,
+    ".ptx": tables.move_ptx,
     ".ply": tables.move_ply,
     ".pcd": tables.move_pcd,
     ".stl": tables.move_stl,
     ".bin": tables.move_bin,
+    ".las": move_las,
+    ".laz": partial(move_las, is_packed=True),
+    ".e57": _move_e57,
+    ".glb": _move_gltf,
+    ".gltf": _move_gltf,
 }
-_MOVERS |= {".las": _move_las, ".laz": partial(_move_las, is_packed=True), ".e57": _move_e57}
-_MOVERS |= {".glb": _move_gltf, ".gltf": _move_gltf}

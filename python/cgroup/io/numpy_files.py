@@ -1,7 +1,5 @@
 """NPY and NPZ: declared sizes are checked first, and only requested arrays are unpacked."""
 
-from __future__ import annotations
-
 import io
 import math
 import zipfile

@@ -1,7 +1,5 @@
 """Names of scans in files of poses and graphs: in comments, or in a separate file."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path

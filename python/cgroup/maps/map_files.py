@@ -1,7 +1,5 @@
 """Folders of arrays, each with a checksum."""
 
-from __future__ import annotations
-
 import json
 import zlib
 from collections.abc import Mapping

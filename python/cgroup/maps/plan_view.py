@@ -1,7 +1,5 @@
 """Align a scan with a map in plan view: walls on walls, open floor on free space."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, NamedTuple

@@ -1,7 +1,5 @@
 """Tuned numbers of maps. Lengths are in voxels unless another unit is named."""
 
-from __future__ import annotations
-
 import numpy as np
 
 # --- preparation: prepared_map

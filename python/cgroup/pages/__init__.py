@@ -9,10 +9,5 @@ from cgroup.pages.results import comparison_page, registration_page
 from cgroup.pages.scans import scene_page
 
 __all__ = [
-    "comparison_page",
-    "location_page",
-    "recognition_page",
-    "registration_page",
-    "scene_page",
-    "write_page",
-]
+    "comparison_page", "location_page", "recognition_page", "registration_page", "scene_page", "write_page",
+]  # fmt: skip

@@ -1,7 +1,5 @@
 """Two clouds in 3D with kept and dropped matches: a page, and a figure for notebooks."""
 
-from __future__ import annotations
-
 import base64
 import html
 import textwrap

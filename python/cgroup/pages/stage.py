@@ -1,7 +1,5 @@
 """Clouds on a page: seen from one side, and movable between side by side and joined."""
 
-from __future__ import annotations
-
 import html
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -14,7 +14,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator
 
-from cgroup.evaluation.bins import LEAST_PAIRS
+from cgroup.evaluation.protocols import LEAST_PAIRS
 from cgroup.plots import style
 from cgroup.plots.style import MethodStyle
 from cgroup.types import BoolArray, FloatArray

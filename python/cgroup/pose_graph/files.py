@@ -1,7 +1,5 @@
 """Files of pose graphs: g2o, the text of TORO and GTSAM, Open3D's JSON."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterable, Sequence

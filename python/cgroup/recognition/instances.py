@@ -4,8 +4,6 @@ A correct model agrees with the scene wherever the scanner should have seen it, 
 wrong one may cover as much of the scene, but deviates elsewhere, or violates free space.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace

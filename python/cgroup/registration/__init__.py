@@ -36,37 +36,12 @@ if TYPE_CHECKING:
     from cgroup.recognition.recognize import recognize as recognize
 
 __all__ = [
-    "DESCRIPTORS",
-    "DETECTORS",
-    "EFFORTS",
-    "NORMALS",
-    "ORIGIN",
-    "DenseFront",
-    "DescribedCloud",
-    "Descriptor",
-    "Detector",
-    "Effort",
-    "FalseAccepts",
-    "Normals",
-    "PaperFront",
-    "PreparedScan",
-    "Recognized",
-    "Registration",
-    "Viewpoint",
-    "assess",
-    "correspond",
-    "describe",
-    "detect",
-    "false_accepts",
-    "find_instances",
-    "match_described",
-    "prepare",
-    "recognize",
-    "refine",
-    "register",
-    "register_many",
+    "DESCRIPTORS", "DETECTORS", "EFFORTS", "NORMALS", "ORIGIN", "DenseFront", "DescribedCloud", "Descriptor",
+    "Detector", "Effort", "FalseAccepts", "Normals", "PaperFront", "PreparedScan", "Recognized",
+    "Registration", "Viewpoint", "assess", "correspond", "describe", "detect", "false_accepts",
+    "find_instances", "match_described", "prepare", "recognize", "refine", "register", "register_many",
     "surface_normals",
-]
+]  # fmt: skip
 
 _OF_RECOGNITION = ("Recognized", "find_instances", "recognize")
 

@@ -39,8 +39,8 @@ class FalseAccepts:
             return f"none of {self.pairs} poses accepted"
         low, high = (100 * bound for bound in self.interval)
         return (
-            f"about {100 * self.share:.2g} % of {self.accepted} accepted poses are wrong "
-            f"({low:.2g} to {high:.2g} %): {self.decoys} of {self.pairs} mirrored sources would be accepted"
+            f"about {100 * self.share:.3g} % of {self.accepted} accepted poses are wrong "
+            f"({low:.3g} to {high:.3g} %): {self.decoys} of {self.pairs} mirrored sources would be accepted"
         )
 
 

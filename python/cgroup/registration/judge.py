@@ -1,7 +1,5 @@
 """Accept or reject poses with reasons, and word notes for the user."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import TypeAlias

@@ -6,8 +6,6 @@
 compare poses of several pairs.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 
 from numpy.typing import ArrayLike
@@ -42,39 +40,12 @@ from cgroup.registration.result import Registration, merge_clouds, registration_
 from cgroup.registration.search import EFFORTS, Depth, Effort, Region, Search, confirm_pose
 
 __all__ = [
-    "ACCEPTED",
-    "EFFORTS",
-    "FINE",
-    "LEAST_VOXELS",
-    "Case",
-    "DenseFront",
-    "Depth",
-    "Effort",
-    "FalseAccepts",
-    "Found",
-    "Given",
-    "Preparation",
-    "PreparedScan",
-    "Region",
-    "Registration",
-    "Search",
-    "agree",
-    "are_alternatives",
-    "as_given",
-    "as_pairs",
-    "as_viewpoints",
-    "bound_by_motions",
-    "bound_by_size",
-    "choose_apart",
-    "confirm_pose",
-    "count_false_accepts",
-    "is_accepted",
-    "judge",
-    "merge_clouds",
-    "registration_of",
-    "share_left",
-    "share_probability",
-]
+    "ACCEPTED", "EFFORTS", "FINE", "LEAST_VOXELS", "Case", "DenseFront", "Depth", "Effort", "FalseAccepts",
+    "Found", "Given", "Preparation", "PreparedScan", "Region", "Registration", "Search", "agree",
+    "are_alternatives", "as_given", "as_pairs", "as_viewpoints", "bound_by_motions", "bound_by_size",
+    "choose_apart", "confirm_pose", "count_false_accepts", "is_accepted", "judge", "merge_clouds",
+    "registration_of", "share_left", "share_probability",
+]  # fmt: skip
 
 
 def as_pairs(pairs: Iterable[tuple[int, int]], scans: int) -> list[tuple[int, int]]:

@@ -1,7 +1,5 @@
 """Register clouds of unknown scale: the compiled core finds the scale, a search at that scale the pose."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

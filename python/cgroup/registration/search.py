@@ -1,7 +1,5 @@
 """Search for the pose of two prepared scans, in the compiled core."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial

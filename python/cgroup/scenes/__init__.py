@@ -9,13 +9,6 @@ from cgroup.scenes.register_all import register_all
 from cgroup.scenes.scene import Edge, Scene
 
 __all__ = [
-    "Edge",
-    "PoseGraph",
-    "PreparedMap",
-    "Scene",
-    "assess_in_map",
-    "false_joins",
-    "locate",
-    "prepare_map",
+    "Edge", "PoseGraph", "PreparedMap", "Scene", "assess_in_map", "false_joins", "locate", "prepare_map",
     "register_all",
-]
+]  # fmt: skip

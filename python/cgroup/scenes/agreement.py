@@ -1,7 +1,5 @@
 """Consistency of poses between scans: around triangles, and with the poses of a scene."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

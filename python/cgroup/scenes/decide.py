@@ -1,7 +1,5 @@
 """Select the consistent poses between scans, and the components that they connect."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 

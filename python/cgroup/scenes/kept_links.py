@@ -4,8 +4,6 @@ The key of a row is a digest of both scans, the function with its arguments, and
 second digest, of the key and the result, detects damage.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import sqlite3

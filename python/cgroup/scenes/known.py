@@ -1,7 +1,5 @@
 """Scans of known pose: their links, the frame of their component, and graphs in which they stay."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Similar scans: a global descriptor of each scan, from the descriptors of its voxels."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Tuned numbers of scenes. Lengths are in voxels, angles in radians, evidence in nats."""
 
-from __future__ import annotations
-
 import numpy as np
 
 # --- pairs: partners, building

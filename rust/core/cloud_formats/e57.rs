@@ -282,9 +282,10 @@ mod tests {
     }
 
     /// A packet of another kind, of `4 * words` bytes.
-    fn other(kind: u8, words: u16) -> Vec<u8> {
-        let mut packet = vec![kind; 4 * usize::from(words)];
-        packet[2..4].copy_from_slice(&(4 * words - 1).to_le_bytes());
+    fn other(kind: u8, words: usize) -> Vec<u8> {
+        let mut packet = vec![kind; 4 * words];
+        let last = (packet.len() - 1) as u16;
+        packet[2..4].copy_from_slice(&last.to_le_bytes());
         packet
     }
 

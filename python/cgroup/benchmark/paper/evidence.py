@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from cgroup.benchmark import paper
-from cgroup.evaluation.bins import CLUTTER, OCCLUSION, OVERLAP, binned
+from cgroup.evaluation.protocols import CLUTTER, OCCLUSION, OVERLAP, binned
 from cgroup.registry import PAPER_METHODS
 from cgroup.types import BoolArray, FloatArray
 

@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from cgroup.benchmark.report.cells import Table
-from cgroup.evaluation.bins import LEAST_PAIRS
+from cgroup.evaluation.protocols import LEAST_PAIRS
 from cgroup.io import write_file
 from cgroup.io.result_folders import make_folder
 from cgroup.pages.page import chart_html

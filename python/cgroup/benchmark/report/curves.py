@@ -15,8 +15,7 @@ from matplotlib.figure import Figure
 
 from cgroup.benchmark.stats import bootstrap, name_units
 from cgroup.evaluation import ecdf
-from cgroup.evaluation.bins import LEAST_PAIRS
-from cgroup.evaluation.protocols import PAPER_PROTOCOL, PROTOCOL_PREFIX, PROTOCOLS
+from cgroup.evaluation.protocols import LEAST_PAIRS, PAPER_PROTOCOL, PROTOCOL_PREFIX, PROTOCOLS
 from cgroup.plots import style
 from cgroup.plots.charts import Chart, Panel, Series, sort_methods
 from cgroup.plots.style import MethodStyle

@@ -32,7 +32,7 @@ from cgroup.benchmark.report.sections import (
 )
 from cgroup.benchmark.report.trials import make_trial_sections, overview_table
 from cgroup.benchmark.store import read_plan
-from cgroup.evaluation.bins import LEAST_PAIRS
+from cgroup.evaluation.protocols import LEAST_PAIRS
 from cgroup.io import write_file
 from cgroup.io.result_folders import Results, make_folder
 from cgroup.io.transforms import format_log

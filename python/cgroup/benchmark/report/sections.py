@@ -15,8 +15,7 @@ from cgroup.benchmark.report import curves
 from cgroup.benchmark.report.cells import MISSING, Cell, Table, method_cell, milliseconds, number, words
 from cgroup.benchmark.report.charts import FigureFiles, PageChart, Section
 from cgroup.benchmark.stats import Overall, Standing, rank_overall
-from cgroup.evaluation.bins import LEAST_PAIRS
-from cgroup.evaluation.protocols import PROTOCOL_PREFIX
+from cgroup.evaluation.protocols import LEAST_PAIRS, PROTOCOL_PREFIX
 from cgroup.plots.charts import Chart
 from cgroup.plots.style import method_style
 

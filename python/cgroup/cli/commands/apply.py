@@ -1,13 +1,11 @@
 """``cgroup apply``: move original files by a pose."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
 from cgroup import io
-from cgroup.cli.command import command, make_app
+from cgroup.cli.command import command
 from cgroup.cli.documents import Document
 from cgroup.cli.options import OUT, OUTPUT, argument, option
 from cgroup.cli.terminal import print_facts, print_files, show_stages
@@ -19,8 +17,6 @@ from cgroup.io.result_folders import Results
 from cgroup.io.scan_names import find_names
 from cgroup.types import FloatArray
 
-app = make_app()
-
 
 def _print_moved(document: Document) -> None:
     done = document["results"]
@@ -31,10 +27,8 @@ def _print_moved(document: Document) -> None:
 
 
 @command(
-    app,
     "apply",
     "cgroup apply out/source_on_target.txt source.laz --out moved",
-    "",
     "# all scans of a scene, by the poses of cgroup merge",
     "cgroup apply scene scans/*.e57 --out moved",
     show=_print_moved,
@@ -45,7 +39,7 @@ def apply_command(
         "FILE", "LAS, LAZ, PLY, PCD, E57, PTX, OBJ, STL, GLTF, GLB, BIN, XYZ, ASC, TXT, CSV, PTS."
     ),
     *,
-    scale: float = option(1.0, "FACTOR", "Scale the files first.", OUTPUT),
+    scale: float = option("FACTOR", "Scale the files first.", OUTPUT, default=1.0),
     out: Path = OUT,
 ) -> Document:
     """Move original files at full resolution, with all attributes.

@@ -20,6 +20,7 @@ from cgroup.errors import CgroupError, InputError
 from cgroup.io.attributes import unkept_attributes
 from cgroup.io.clouds import find_clouds
 from cgroup.io.files import check_outputs, load_text
+from cgroup.io.las import merge_files
 from cgroup.io.result_folders import Results, make_folder
 from cgroup.io.scan_names import find_names, names_file
 from cgroup.io.transforms import read_transforms
@@ -38,11 +39,12 @@ _EDGE_KEYS = (
 
 _MOST_EDGES = 40  # edges that are printed: dropped ones first, then by residual
 _POSES, _GRAPH, _MERGED, _PICTURE = "poses.tum", "graph.g2o", "merged.ply", "scene.png"
-_PAGE, _PAIRS = "scene.html", "pairs.sqlite"
+_FULL, _PAGE, _PAIRS = "merged.laz", "scene.html", "pairs.sqlite"
 _CONTENTS = {
     ".tum": "pose of each scan in the frame of its component's first scan",
     ".g2o": "kept edges",
     ".ply": "all scans as one cloud",
+    ".laz": "all points of the files, with their attributes",
     ".png": "picture",
     ".html": "interactive page",
     ".sqlite": "finished pairs, for another run",
@@ -74,6 +76,7 @@ def _print_scene(document: Document, *, wide: bool) -> None:
         terminal.print_line("")
     kept = sum(edge["kept"] for edge in edges)
     unkept = list(dict.fromkeys(name for one in document["inputs"] for name in one["not_kept"]))
+    is_lossy = unkept and not any(str(file).endswith(".laz") for file in document["files"])
     terminal.print_facts(
         ("components", ", ".join(counted(len(rows), "scan") for rows in done["components"])),
         ("pairs", f"{done['tried']} tried; edges: {kept} kept, {len(edges) - kept} dropped"),
@@ -83,14 +86,14 @@ def _print_scene(document: Document, *, wide: bool) -> None:
         ("voxel", f"{done['voxel']:.4g} (in the files' unit, as all lengths)"),
         ("time", f"{sum(done['seconds'].values()):.2f} s"),
         *(("note", note) for note in done["notes"]),
-        *([("not kept", f"{', '.join(unkept)} of the scans")] if unkept else []),
+        *([("not kept", f"{', '.join(unkept)} of the scans; --full keeps those of LAS")] if is_lossy else []),
     )
     print_contents(document, _CONTENTS)
 
 
 def _joined_wrongly(found: FalseAccepts) -> str:
     low, high = (100 * bound for bound in found.interval)
-    wrong = f"about {100 * found.share:.2g} % ({low:.2g} to {high:.2g} %) of the joined scans are wrong"
+    wrong = f"about {100 * found.share:.3g} % ({low:.3g} to {high:.3g} %) of the joined scans are wrong"
     return f"{found.decoys} of {counted(found.pairs, 'mirrored scan')} would be joined: {wrong}"
 
 
@@ -139,6 +142,9 @@ def merge_command(
         "Known poses of some scans, with their names, as poses.tum has them; they give the frame.",
         SEARCH,
     ),
+    full: bool = options.flag(
+        "--full", "Write all points of the files too, with their attributes.", needs="laspy", extra="las"
+    ),
     out: Path = options.OUT,
     html: bool = options.HTML,
     **shared: Any,
@@ -148,14 +154,15 @@ def merge_command(
     A scan that is unreadable, empty, or in another unit is left out (exit status 3).
 
     Writes the poses, the graph of edges, the merged cloud and a picture of each component of at least two
-    scans: poses.tum, graph.g2o, merged.ply, scene.png; of a second component poses_2.tum and so on. Finished
-    pairs are kept in pairs.sqlite, from which a killed run continues.
+    scans: poses.tum, graph.g2o, merged.ply, scene.png; of a second component poses_2.tum and so on. --full
+    adds merged.laz, where point_source_id is the number of the scan in poses.tum. Finished pairs are kept in
+    pairs.sqlite, from which a killed run continues.
     """
     scans = find_clouds("CLOUD", scans)
-    possible = _files_of(out, max(1, len(scans) // 2), html=True)
+    possible = _files_of(out, max(1, len(scans) // 2), html=True, full=True)
     check_outputs([*possible, out / _PAIRS], scans)
     results = Results(out, "merge")
-    results.check(_files_of(out, 1, html=html))
+    results.check(_files_of(out, 1, html=html, full=full))
     with _folder_if_needed(out), terminal.show_stages(piped=True) as begin:
         scene = register_all(
             scans,
@@ -170,9 +177,10 @@ def merge_command(
         inputs, placed = _describe(scene, scans, begin)
         begin("writing")
         several = sum(len(rows) > 1 for rows in scene.components)
-        results.check(_files_of(out, several, html=html))
+        results.check(_files_of(out, several, html=html, full=full))
         with results.writing(identify_run(context)) as files:
             _write(scene, out, several, html=html)
+            lost = _write_full(scene, scans, out, several, begin) if full else []
     return {
         "inputs": inputs,
         "results": {
@@ -182,7 +190,8 @@ def merge_command(
             "tried": scene.tried,
             "false_accepts": asdict(scene.false_accepts),
             "false_joins": wrong,
-            **fields(scene, "voxel", "notes", "seconds"),
+            **fields(scene, "voxel", "seconds"),
+            "notes": [*scene.notes, *lost],
         },
         "files": [*files, *([out / _PAIRS] if (out / _PAIRS).exists() else [])],
         "refusal": _refuse(scene, has_viewpoint=is_given(context, "viewpoint")),
@@ -236,9 +245,9 @@ def _folder_if_needed(folder: Path) -> Generator[None]:
         raise
 
 
-def _files_of(folder: Path, components: int, *, html: bool) -> list[Path]:
+def _files_of(folder: Path, components: int, *, html: bool, full: bool) -> list[Path]:
     """List the files of a number of components of two scans or more."""
-    of_each = (_POSES, _GRAPH, _MERGED, _PICTURE)
+    of_each = (_POSES, _GRAPH, _MERGED, *([_FULL] if full else []), _PICTURE)
     files = [_file(folder, name, k) for k in range(components) for name in of_each]
     return [*files, *([folder / _PAGE] if html else [])]
 
@@ -287,3 +296,12 @@ def _write(scene: Scene, folder: Path, components: int, *, html: bool) -> None:
         from cgroup.pages import scene_page, write_page  # noqa: PLC0415 - slow to load
 
         write_page(folder / _PAGE, scene_page(scene))
+
+
+def _write_full(scene: Scene, files: Sequence[Path], folder: Path, components: int, begin: Any) -> list[str]:
+    """Merge the files of each component; return the attributes that are not kept."""
+    notes: list[str] = []
+    for k, rows in enumerate(scene.components[:components]):
+        begin(f"writing {_file(folder, _FULL, k).name}")
+        notes += merge_files([files[row] for row in rows], scene.poses[rows], _file(folder, _FULL, k))
+    return notes

@@ -9,9 +9,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from cgroup.datasets.base import Dataset, MatchingPair, measure_clutter, posed_pair, view_pair
+from cgroup.datasets.base import Dataset, MatchingPair, measure_clutter, posed_pair, view_pair, voxel_means
 from cgroup.datasets.generated.scanner import Mesh, merge, range_image
-from cgroup.datasets.voxels import voxel_means
 from cgroup.errors import InputError
 from cgroup.rigid import invert
 from cgroup.rigid.transforms import turn
