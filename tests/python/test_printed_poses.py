@@ -52,6 +52,15 @@ def test_printed_poses_move_clouds_to_the_same_place(
     np.testing.assert_array_equal(parse(pose_lines(pose)), pose)
 
 
+@given(st.integers(0, 2**32 - 1), st.floats(-1, 4))
+def test_printed_poses_of_georeferenced_clouds_are_exact(seed: int, extent: float) -> None:
+    rng = np.random.default_rng(seed)
+    quaternion = rng.normal(size=4)
+    pose = shifted(UTM + rng.normal(size=3))
+    pose[:3, :3] = turn(*(quaternion / np.linalg.norm(quaternion)))
+    np.testing.assert_array_equal(parse(pose_lines(pose, UTM, 10**extent)), pose)
+
+
 def test_few_digits_suffice_near_the_origin() -> None:
     assert pose_lines(np.eye(4), np.zeros(3), 1.0)[0].split() == ["1", "0", "0", "0"]
     pose = shifted(np.array([1 / 3, -1e-14, 0.25]))

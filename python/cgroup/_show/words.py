@@ -12,6 +12,7 @@ from cgroup.rigid.transforms import axis_of
 
 _FEWEST_DIGITS, _MOST_DIGITS = 3, 17
 _EXACT = 1e-9  # part of its extent by which a printed pose may move a cloud elsewhere
+_FAR = 10  # extents away from the origin beyond which poses are printed exactly
 _NARROWEST = 12  # columns of a number of a pose
 _LEAST_TURN = 0.005  # degrees below which a rotation has no axis
 
@@ -76,13 +77,14 @@ def say_placement(pose: NDArray[np.float64], middle: NDArray[np.float64]) -> str
 def pose_lines(pose: ArrayLike, middle: ArrayLike | None = None, extent: float | None = None) -> list[str]:
     """Format a (4,4) transform row by row.
 
-    The decimals move points with this mean to within 1e-9 of `extent`, the diagonal of their box; without one
-    numbers are exact.
+    The decimals move points with this mean to within 1e-9 of `extent`, the diagonal of their box. Numbers are
+    exact without one, and for points whose mean is over ten extents away, such as georeferenced ones.
     """
     matrix = np.asarray(pose, dtype=float)
     turning = shifting = None
-    if middle is not None and extent:
-        reach = float(np.linalg.norm(np.asarray(middle, dtype=float))) + extent
+    away = 0.0 if middle is None else float(np.linalg.norm(np.asarray(middle, dtype=float)))
+    if middle is not None and extent and away <= _FAR * extent:
+        reach = away + extent
         allowed = _EXACT * extent * float(np.linalg.norm(matrix[:3, 0]))
         # Half a unit of the last decimal moves a point by up to 3 reach / 2, and by sqrt(3) / 2.
         turning, shifting = _decimals(3 * reach / allowed), _decimals(math.sqrt(3) / allowed)
