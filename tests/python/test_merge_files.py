@@ -105,10 +105,28 @@ def test_other_formats_keep_positions_and_colours(tmp_path: Path) -> None:
     np.testing.assert_allclose(after.xyz[-2:], apply(poses[2], np.array([[1, 2, 3], [4, 5, 6.0]])), atol=1e-3)
 
 
+def test_a_file_of_one_point_does_not_coarsen_the_grid(tmp_path: Path) -> None:
+    rng = np.random.default_rng(5)
+    small = rng.uniform(0, 0.01, (50, 3))
+    for name, points in (("small.las", small), ("one.las", np.full((1, 3), 0.5))):
+        header = laspy.LasHeader(point_format=6, version="1.4")
+        header.scales = np.full(3, 1e-6 if name == "small.las" else 0.01)
+        data = laspy.LasData(header)
+        data.xyz = points
+        data.write(tmp_path / name)
+    stored = laspy.read(tmp_path / "small.las").xyz
+    paths = [tmp_path / "one.las", tmp_path / "small.las"]
+    assert merge_files(paths, [np.eye(4), make_pose(4)], tmp_path / "out.las") == []
+    np.testing.assert_allclose(
+        laspy.read(tmp_path / "out.las").xyz[1:], apply(make_pose(4), stored), rtol=0, atol=1e-6 * 0.017
+    )
+
+
 def test_what_is_not_kept_is_noted(tmp_path: Path) -> None:
     for name, system in (("a.las", b"one\0"), ("b.las", b"other\0")):
         header = laspy.LasHeader(point_format=6, version="1.4")
         header.vlrs.append(laspy.VLR("LASF_Projection", 2112, "", system))
+        header.global_encoding.gps_time_type = laspy.header.GpsTimeType(int(name == "b.las"))
         data = laspy.LasData(header)
         data.xyz = np.ones((3, 3))
         data.evlrs = laspy.vlrs.vlrlist.VLRList([laspy.VLR("cgroup_test", 8, "", b"more")])
@@ -117,6 +135,7 @@ def test_what_is_not_kept_is_noted(tmp_path: Path) -> None:
     assert notes == [
         "a.las: extended VLRs: not kept",
         "b.las: extended VLRs: not kept",
+        "b.las: GPS times: counted from another day than those of a.las",
         "b.las: coordinate system: not that of a.las, which is kept",
     ]
     kept = [one for one in laspy.read(tmp_path / "out.las").header.vlrs if one.user_id == "LASF_Projection"]

@@ -91,13 +91,13 @@ def _choose_grid(motions: Sequence[Motion], headers: Sequence[Any]) -> tuple[Flo
         if header.point_count:
             box = np.array([header.mins, header.maxs])
             ends.append(apply(motion.matrix, np.stack(np.meshgrid(*box.T), axis=-1).reshape(-1, 3)))
-            sizes.append(motion.scale * float(np.linalg.norm(box[1] - box[0])))
+            sizes.append(motion.scale * float(np.linalg.norm(box[1] - box[0])) or math.inf)
             finest.append(motion.scale * float(np.min(header.scales)))
     if not ends:
         return headers[0].scales, headers[0].offsets
     low, high = np.min(ends, axis=(0, 1)), np.max(ends, axis=(0, 1))
     before = grid = min(finest)
-    while 0.0 < min(sizes) < 0.5 * grid / MOST_LOST:
+    while min(sizes) < 0.5 * grid / MOST_LOST:
         grid /= 10
     while (high - low).max() / 2 + 1 > _MOST * grid:
         grid *= 10
@@ -232,6 +232,8 @@ def _join(files: Sequence[Path], headers: Sequence[Any], motions: Sequence[Motio
             motion.notes.append("waveforms: not kept")
         if header.number_of_evlrs:
             motion.notes.append("extended VLRs: not kept")
+        if header.global_encoding.gps_time_type != joined.global_encoding.gps_time_type:
+            motion.notes.append(f"GPS times: counted from another day than those of {files[0].name}")
         if _projection(header) not in ([], _projection(joined)):
             motion.notes.append(f"coordinate system: not that of {files[0].name}, which is kept")
     whole = laspy.PointFormat(number)
