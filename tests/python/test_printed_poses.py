@@ -59,6 +59,7 @@ def test_printed_poses_of_georeferenced_clouds_are_exact(seed: int, extent: floa
     pose = shifted(UTM + rng.normal(size=3))
     pose[:3, :3] = turn(*(quaternion / np.linalg.norm(quaternion)))
     np.testing.assert_array_equal(parse(pose_lines(pose, UTM, 10**extent)), pose)
+    np.testing.assert_array_equal(parse(pose_lines(pose, np.zeros(3), 10**extent)), pose)
 
 
 def test_few_digits_suffice_near_the_origin() -> None:

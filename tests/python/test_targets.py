@@ -306,7 +306,7 @@ def test_group_writes_the_pose_and_the_report(site, tmp_path, capsys):
         assert float(row["residual"]) == pytest.approx(length)
         assert float(row["leave_one_out"]) > 0.999 * length
     page = (tmp_path / "scan_on_site_targets.html").read_text()
-    assert all(f"<td>T{row}</td>" in page for row in range(7))
+    assert all(f'<th scope="row">T{row}</th>' in page for row in range(7))
     document = json.loads(run(capsys, *given, "--json")[1])
     assert document["results"]["redundancy"] == 12
     assert document["results"]["targets"][2]["verdict"] == "blunder"

@@ -78,12 +78,13 @@ def pose_lines(pose: ArrayLike, middle: ArrayLike | None = None, extent: float |
     """Format a (4,4) transform row by row.
 
     The decimals move points with this mean to within 1e-9 of `extent`, the diagonal of their box. Numbers are
-    exact without one, and for points whose mean is over ten extents away, such as georeferenced ones.
+    exact without one, and if the points or the translation are over ten extents away, as in georeferencing.
     """
     matrix = np.asarray(pose, dtype=float)
     turning = shifting = None
     away = 0.0 if middle is None else float(np.linalg.norm(np.asarray(middle, dtype=float)))
-    if middle is not None and extent and away <= _FAR * extent:
+    is_far = max(away, np.linalg.norm(matrix[:3, 3])) > _FAR * (extent or math.inf)
+    if middle is not None and extent and not is_far:
         reach = away + extent
         allowed = _EXACT * extent * float(np.linalg.norm(matrix[:3, 0]))
         # Half a unit of the last decimal moves a point by up to 3 reach / 2, and by sqrt(3) / 2.

@@ -94,15 +94,15 @@ def report_files(found: Document, title: str, *, html: bool) -> dict[str, bytes]
     files = {CSV: text.getvalue().encode()}
     if html:
         from cgroup._show.words import pose_html  # noqa: PLC0415 - slow to load
-        from cgroup.pages.page import facts_html, page_html, table_html  # noqa: PLC0415
+        from cgroup.pages.page import facts_html, page_html, part, table_html  # noqa: PLC0415
 
-        cells = ("".join(f"<td>{escape(cell)}</td>" for cell in row) for row in _rows(found))
-        lines = "".join(f"<tr>{row}</tr>" for row in cells)
+        rows_of = ((name, "".join(f"<td>{escape(cell)}</td>" for cell in row)) for name, *row in _rows(found))
+        lines = "".join(f'<tr><th scope="row">{escape(name)}</th>{cells}</tr>' for name, cells in rows_of)
         facts = [(name, escape(value)) for name, value in _facts(found)]
         facts.append(("pose", pose_html(found["T_target_source"])))
         table = table_html(_HEAD, lines, label="targets")
-        body = f"<main><h1>{escape(title)}</h1>{facts_html(facts)}{table}</main>"
-        files[PAGE] = page_html(title, body).encode("utf-8", "replace")
+        body = f"<main><h1>Surveyed targets: {escape(title)}</h1>{facts_html(facts)}{table}</main>"
+        files[PAGE] = page_html(title, body, css=part("viewer.css")).encode("utf-8", "replace")
     return files
 
 
