@@ -6,11 +6,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from benchmark_frames import paper_frame, paper_timing
 from placed_scenes import known_scene
 from test_report import results, write
 
+from cgroup.cli.targets import PAGE, fit_files, report_files
 from cgroup.comparison import compare
 from cgroup.datasets import standin_pair
 from cgroup.io.files import number_lines
@@ -27,6 +29,7 @@ from cgroup.scenes import prepare_map
 
 CHROMIUM = Path("/usr/bin/chromium")
 WIDTHS = (390, 1400)
+WITHOUT_SCENE = ("report", "targets")
 
 pytest.importorskip("plotly", reason="needs the extra cgroup[scans]")
 playwright = pytest.importorskip("playwright.sync_api", reason="needs Playwright, of the extra cgroup[test]")
@@ -81,9 +84,14 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     }
     for name, text in texts.items():
         write_page(folder / f"{name}.html", text)
+    files = folder / "scan.csv", folder / "site.csv"
+    for file, away in zip(files, (0, 5_400_000), strict=True):
+        np.savetxt(file, np.c_[np.arange(9), PAIR.source.points[::99][:9] + away], "%s", ";")
+    report = report_files(fit_files(files, None)[1], "scan_on_site", html=True)
+    (folder / "targets.html").write_bytes(report[PAGE])
     with pytest.MonkeyPatch.context() as patch:
         write(patch, folder, results(paper_frame("noise"), paper_timing()))
-    return {name: folder / f"{name}.html" for name in texts} | {"report": folder / "report.html"}
+    return {name: folder / f"{name}.html" for name in (*texts, *WITHOUT_SCENE)}
 
 
 @pytest.fixture(scope="module")
@@ -117,7 +125,7 @@ def loaded(browser: Any, pages: dict[str, Path]) -> Iterator[Callable[[str], tup
 
 
 def wait_until_ready(name: str, page: Page) -> None:
-    if name != "report":
+    if name not in WITHOUT_SCENE:
         page.wait_for_selector("body[data-ready=yes]")
 
 
@@ -148,7 +156,7 @@ def open_anew(open_page: Open) -> Open:
     return open_it
 
 
-KINDS = ("registration", "assess", "comparison", "scene", "locate", "recognize", "report")
+KINDS = ("registration", "assess", "comparison", "scene", "locate", "recognize", *WITHOUT_SCENE)
 
 
 def slide_to(page: Page, share: int) -> None:
