@@ -7,23 +7,14 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from las_files import UTM, fill_attributes, make_pose
 
 from cgroup.errors import InputError
 from cgroup.io import merge_files, write_cloud
 from cgroup.rigid import apply
-from cgroup.rigid.transforms import turn
 from cgroup.types import PointCloud
 
-UTM = (432_100.7, 5_123_400.3, 312.5)
 LEGACY_ONLY = {"scan_angle_rank"}
-
-
-def make_pose(seed: int, away: tuple[float, float, float] = (3.0, -2.0, 1.0)) -> np.ndarray:
-    quaternion = np.random.default_rng(seed).normal(size=4)
-    pose = np.eye(4)
-    pose[:3, :3] = turn(*(quaternion / np.linalg.norm(quaternion)))
-    pose[:3, 3] = away
-    return pose
 
 
 def write_las(path: Path, form: int, seed: int, extra: dict[str, str], count: int = 200) -> laspy.LasData:
@@ -35,14 +26,7 @@ def write_las(path: Path, form: int, seed: int, extra: dict[str, str], count: in
         header.add_extra_dim(laspy.ExtraBytesParams(name=name, type=kind))
     data = laspy.LasData(header)
     data.xyz = rng.uniform(0, 50, (count, 3)) + np.array([100, 200, 0])
-    for dimension in data.point_format.dimensions:
-        if dimension.name in "XYZ":
-            continue
-        if dimension.kind == laspy.DimensionKind.FloatingPoint:
-            data[dimension.name] = rng.normal(size=count)
-        else:
-            most = min(dimension.max, 1 if dimension.num_bits == 1 else 7)
-            data[dimension.name] = rng.integers(0, most, count, endpoint=True)
+    fill_attributes(data, rng, most=7)
     data.intensity = rng.integers(0, 65535, count, endpoint=True)
     data.write(path)
     return laspy.read(path)

@@ -15,6 +15,7 @@ from e57_files import pose as e57_pose
 from gltf_files import glb
 from hypothesis import given
 from hypothesis import strategies as st
+from las_files import UTM, fill_attributes, make_pose
 from plyfile import PlyData, PlyElement
 from pypcd4 import Encoding, PointCloud
 
@@ -24,16 +25,6 @@ from cgroup.io._motion import _basis, rotate_harmonics
 from cgroup.rigid import apply
 from cgroup.rigid.transforms import scaling, turn
 from cgroup.scenes.scene import format_poses
-
-UTM = (432_100.7, 5_123_400.3, 312.5)
-
-
-def make_pose(seed: int, away: Any = (3.0, -2.0, 1.0)) -> np.ndarray:
-    quaternion = np.random.default_rng(seed).normal(size=4)
-    pose = np.eye(4)
-    pose[:3, :3] = turn(*(quaternion / np.linalg.norm(quaternion)))
-    pose[:3, 3] = away
-    return pose
 
 
 def check_moved(before: np.ndarray, after: np.ndarray, matrix: np.ndarray, share: float = 1e-6) -> None:
@@ -66,14 +57,7 @@ def las_file(path: Path, count: int = 1000, *, form: int = 7, extent: float = 80
     header.vlrs.append(laspy.VLR("cgroup_test", 7, "a record", b"content"))
     data = laspy.LasData(header)
     data.xyz = rng.uniform(0, extent, (count, 3)) + np.array([1000, 2000, 0])
-    for dimension in data.point_format.dimensions:
-        if dimension.name in "XYZ":
-            continue
-        if dimension.kind == laspy.DimensionKind.FloatingPoint:
-            data[dimension.name] = rng.normal(size=count)
-        else:
-            most = dimension.max if dimension.is_standard else 1000
-            data[dimension.name] = rng.integers(0, most, count, endpoint=True)
+    fill_attributes(data, rng)
     data.evlrs = laspy.vlrs.vlrlist.VLRList([laspy.VLR("cgroup_test", 8, "a later record", b"more" * 20_000)])
     data.write(path)
     return laspy.read(path)

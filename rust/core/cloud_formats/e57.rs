@@ -376,9 +376,9 @@ mod tests {
             (changed(9, 1), "a packet of 28 bytes with 2 streams"),
             (packet(&[&[0; 7], &[]], 0), "7 bytes for 1 points of 64 bits"),
         ];
-        for (section, says) in cases {
+        for (section, reason) in cases {
             let error = numbers(&section, &fields, 1).err().map(|error| error.to_string());
-            assert!(error.as_ref().is_some_and(|error| error.contains(says)), "{says}: {error:?}");
+            assert!(error.as_ref().is_some_and(|error| error.contains(reason)), "{reason}: {error:?}");
         }
         assert_eq!(numbers(&good, &fields, 1), Ok(vec![vec![0.0]]));
     }
