@@ -96,6 +96,7 @@ __all__ = [
     "find_outliers",
     "find_scale",
     "fpfh",
+    "gltf_files",
     "group",
     "group_motions",
     "harris3d",
@@ -110,6 +111,7 @@ __all__ = [
     "optimize_poses",
     "page_checksums",
     "parse_cloud",
+    "parse_gltf",
     "parse_table",
     "places",
     "plane_distances",
@@ -250,6 +252,8 @@ class Cloud:
     def diagonal(self) -> float: ...
 
 def parse_cloud(content: bytes, suffix: str, run_options: RunOptions) -> _CloudContent: ...
+def gltf_files(content: bytes, run_options: RunOptions) -> list[str]: ...
+def parse_gltf(content: bytes, files: dict[str, bytes], run_options: RunOptions) -> _CloudContent: ...
 def decompress_lzf(content: bytes, size: int, run_options: RunOptions) -> bytes: ...
 def page_checksums(contents: bytes, run_options: RunOptions) -> NDArray[np.uint32]: ...
 def unpack_e57(

@@ -14,7 +14,7 @@
 //! | [`grouping`] | fifteen methods that select the correct matches; each is a struct of its options and a [`GroupingMethod`] |
 //! | [`features`] | voxels, normals, keypoints, frames, descriptors, matching |
 //! | [`verification`] | scores and refines poses on the surfaces of both clouds |
-//! | [`cloud_formats`] | reads clouds from the bytes of PLY, PCD, OBJ, OFF, STL, text, PTS and KITTI files |
+//! | [`cloud_formats`] | reads clouds from the bytes of files: PLY, PCD, OBJ, OFF, STL, glTF, VTK, LAS, PTX, text and others |
 //! | [`compatibility`], [`consensus`], [`selection`], [`geometry`] | components of the methods |
 //!
 //! Every long computation takes an [`Execution`], by which the caller can interrupt it, read its progress,

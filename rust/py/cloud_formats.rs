@@ -1,6 +1,8 @@
 //! Parses files of point clouds, and tables of numbers, from bytes to arrays.
 
-use cgroup::cloud_formats::{PARSERS, e57, lzf, table};
+use std::collections::BTreeMap;
+
+use cgroup::cloud_formats::{CloudContent, PARSERS, e57, gltf, lzf, table};
 use cgroup::{Error, Execution};
 use numpy::{Element, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
@@ -42,7 +44,31 @@ pub fn parse_cloud<'py>(
     run_options: RunOptions,
 ) -> PyResult<PyCloudContent<'py>> {
     let parse = choose("suffix", suffix, &PARSERS)?;
-    let cloud = parse_with(py, content, &run_options, parse)?;
+    py_cloud(py, parse_with(py, content, &run_options, parse)?)
+}
+
+/// Addresses of the files that hold buffers of a glTF file.
+#[pyfunction]
+pub fn gltf_files(py: Python<'_>, content: PyBackedBytes, run_options: RunOptions) -> PyResult<Vec<String>> {
+    parse_with(py, content, &run_options, gltf::files_of)
+}
+
+/// Parses a glTF file with the contents of other files by their addresses.
+#[pyfunction]
+pub fn parse_gltf(
+    py: Python<'_>,
+    content: PyBackedBytes,
+    files: BTreeMap<String, PyBackedBytes>,
+    run_options: RunOptions,
+) -> PyResult<PyCloudContent<'_>> {
+    let cloud = run(py, &run_options, move |execution| {
+        let files = files.iter().map(|(address, content)| (address.as_str(), &**content)).collect();
+        gltf::parse_with(&content, &files, execution)
+    })?;
+    py_cloud(py, cloud)
+}
+
+fn py_cloud(py: Python<'_>, cloud: CloudContent) -> PyResult<PyCloudContent<'_>> {
     Ok((
         triples(py, cloud.points)?,
         cloud.normals.map(|normals| triples(py, normals)).transpose()?,

@@ -30,7 +30,9 @@ mod _core {
     #[pymodule_export]
     use super::cloud::Cloud;
     #[pymodule_export]
-    use super::cloud_formats::{decompress_lzf, page_checksums, parse_cloud, parse_table, unpack_e57};
+    use super::cloud_formats::{
+        decompress_lzf, gltf_files, page_checksums, parse_cloud, parse_gltf, parse_table, unpack_e57,
+    };
     #[pymodule_export]
     use super::features::{
         choose_voxel, drop_isolated, fpfh, harris3d, iss, lfsh, match_descriptors, mesh_normals, normals,

@@ -431,7 +431,7 @@ def test_numbers_of_gltf(read: Read) -> None:
         read("a.glb", glb(entries, content)).points, [[0] * 3, [0] * 3, [1] * 3, [0] * 3]
     )
     quantized["count"] = 10**12
-    refuse(read, "a.glb", glb(entries, content), "its points would grow")
+    refuse(read, "a.glb", glb(entries, content), "bytes that would grow")
 
 
 def changed(change: Callable[[dict[str, Any]], object]) -> bytes:
@@ -444,19 +444,19 @@ def changed(change: Callable[[dict[str, Any]], object]) -> bytes:
     ("change", "says"),
     [
         (lambda d: d["nodes"].append({"children": [0, 0]}), "two parents"),
-        (lambda d: d.update(nodes=[{"children": [0]}], scenes=[{"nodes": [0]}]), "two parents, or is its own"),
-        (lambda d: d["nodes"].append({"mesh": -1}), r"meshes has no entry -1, only 1"),
+        (lambda d: d.update(nodes=[{"children": [0]}], scenes=[{"nodes": [0]}]), "two parents, or itself"),
+        (lambda d: d["nodes"].append({"mesh": -1}), "meshes: got entry -1; the file has 1"),
         (lambda d: d["accessors"][0].update(count=5), "5 rows from byte 0 on in 48 of 48 bytes"),
-        (lambda d: d["accessors"][0].update(count=-5), "-5, where a whole number"),
+        (lambda d: d["accessors"][0].update(count=-5), "count: got -5; a whole number"),
         (lambda d: d["accessors"][0].update(byteOffset=1), "rows from byte 1"),
-        (lambda d: d["accessors"][0].update(componentType=5130), "component type 5130"),
-        (lambda d: d["accessors"][0].update(type="SCALAR"), "has SCALAR; VEC3 belongs there"),
-        (lambda d: d["accessors"][1].update(componentType=5126, count=6), "a triangle names point"),
+        (lambda d: d["accessors"][0].update(componentType=5130), "component type: got 5130"),
+        (lambda d: d["accessors"][0].update(type="SCALAR"), 'got "SCALAR"; VEC3 belongs there'),
+        (lambda d: d["accessors"][1].update(componentType=5126, count=6), "a triangle that names point"),
         (lambda d: d["bufferViews"][0].update(byteLength=10**15), "of 1000000000000000 bytes"),
         (lambda d: d["bufferViews"][0].update(byteStride=10**15), "rows from byte 0"),
-        (lambda d: d["buffers"][0].update(byteLength=10**15), "buffer 0 has"),
+        (lambda d: d["buffers"][0].update(byteLength=10**15), "buffer 0: got"),
         (lambda d: d["buffers"][0].update(uri="other.bin"), "no .bin file beside it|no such file"),
-        (lambda d: d["asset"].update(version="1.0"), "version 1.0; version 2 is read"),
+        (lambda d: d["asset"].update(version="1.0"), 'version: got "1.0"; version 2 is read'),
         (lambda d: d["meshes"][0]["primitives"][0].update(extensions={"KHR_draco_mesh_compression": {}}), "Draco"),
         (lambda d: d["bufferViews"][0].update(extensions={"EXT_meshopt_compression": {}}), "meshopt"),
         (lambda d: d.update(nodes="abc"), "not a readable"),
@@ -469,10 +469,10 @@ def test_damaged_gltf_says_why(change: Callable[[dict[str, Any]], object], says:
 
 def test_chunks_are_checked(read: Read) -> None:
     many = document(np.zeros((5000, 3), "<f4"), meshes=mesh({"POSITION": 0}), nodes=[{"mesh": 0}] * 1000)
-    refuse(read, "a.glb", glb(*many), "its points would grow")
+    refuse(read, "a.glb", glb(*many), "bytes that would grow")
     many = document(np.zeros((5000, 3), "<f4"), meshes=mesh({"POSITION": 0}, mode=5))
     many[0]["meshes"][0]["primitives"] *= 1000
-    refuse(read, "a.glb", glb(*many), "its points would grow")
+    refuse(read, "a.glb", glb(*many), "bytes that would grow")
     whole = CLOUDS["mesh.glb"]
     for length in (len(whole) - 1, 25, 13):
         refuse(read, "a.glb", whole[:length], "bytes")

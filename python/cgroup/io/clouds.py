@@ -1,7 +1,7 @@
 """Read and write point clouds, keypoints and descriptors.
 
-The core parses all formats of clouds but glTF, E57 and NumPy's own. A parser makes arrays of bytes;
-it may raise anything.
+The core parses all formats of clouds but E57 and NumPy's own. A parser makes arrays of bytes; it may raise
+anything.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from dataclasses import fields, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
+from urllib.parse import unquote
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,11 +26,10 @@ from cgroup._checks.values import as_choice, as_instance, as_path, run_options
 from cgroup.errors import InputError
 from cgroup.features import DescribedCloud
 from cgroup.io._e57 import parse_e57
-from cgroup.io._gltf import parse_gltf
 from cgroup.io._motion import MOST_LOST
 from cgroup.io.attributes import TEXTS
 from cgroup.io.colmap import parse_points
-from cgroup.io.files import naming, parse_file, write_file, written_path
+from cgroup.io.files import naming, parse_file, read_content, write_file, written_path
 from cgroup.io.numpy_files import load_npy, load_npz_points, npz_bytes, read_arrays, single_number
 from cgroup.types import AnyCloud, BoolArray, FloatArray, PointCloud
 from cgroup.types.point_cloud import as_cloud
@@ -75,7 +75,7 @@ def read_cloud(path: str | os.PathLike[str]) -> PointCloud:
     path = as_path("path", path)
     suffix = path.suffix.lower()
     # The buffers of a glTF file may be next to it.
-    reader = partial(parse_gltf, folder=path.parent) if suffix == ".gltf" else PARSERS.get(suffix)
+    reader = partial(_parse_gltf, path.parent) if suffix == ".gltf" else PARSERS.get(suffix)
     if path.stem == "points3D" and suffix in (".bin", ".txt"):
         reader = partial(parse_points, suffix)
     if reader is None:
@@ -309,6 +309,22 @@ def _parse_in_core(suffix: str, content: bytes) -> PointCloud:
     return PointCloud(points, normals, faces, colors, viewpoint=viewpoint)
 
 
+def _parse_gltf(folder: Path, content: bytes) -> PointCloud:
+    """Return the cloud of a scene whose buffers may be files in the folder."""
+    options = run_options(threads=1)
+    files = {uri: read_content(_beside(folder, unquote(uri))) for uri in _core.gltf_files(content, options)}
+    points, normals, faces, colors, _ = _core.parse_gltf(content, files, options)
+    return PointCloud(points, normals, faces, colors)
+
+
+def _beside(folder: Path, name: str) -> Path:
+    """Return the path of a buffer in the folder; raise for a path outside it."""
+    is_plain = name.endswith(".bin") and name == Path(name).name and not set(name) & set("/\\:")
+    if not is_plain or (folder / name).resolve().parent != folder.resolve():
+        raise InputError(f"its buffer {name!r} is no .bin file beside it; put it there, or write GLB")
+    return folder / name
+
+
 def _content_of(array: NDArray[Any]) -> PointCloud:
     """Return the points of an array, or the points and normals of records."""
     parts = cloud_parts("array", array.reshape(-1)) if array.dtype.names else None
@@ -325,13 +341,12 @@ def _points(array: NDArray[Any]) -> FloatArray:
     return np.asarray(array, dtype=np.float64)
 
 
-_IN_CORE = (*TEXTS, ".bin", ".las", ".obj", ".off", ".pcd", ".ply", ".ptx", ".stl", ".vtk")
+_IN_CORE = (*TEXTS, ".bin", ".gltf", ".las", ".obj", ".off", ".pcd", ".ply", ".ptx", ".stl", ".vtk")
 PARSERS: dict[str, Callable[[bytes], PointCloud]] = {
     **{suffix: partial(_parse_in_core, suffix[1:]) for suffix in _IN_CORE},
     ".asc": partial(_parse_in_core, "txt"),
     ".e57": parse_e57,
-    ".glb": parse_gltf,
-    ".gltf": parse_gltf,
+    ".glb": partial(_parse_in_core, "gltf"),
     ".laz": partial(_parse_in_core, "las"),
     ".npy": lambda content: _content_of(load_npy(content, records=True)),
     ".npz": lambda content: _content_of(load_npz_points(content)),

@@ -20,7 +20,6 @@ from cgroup._checks.values import as_length, as_path
 from cgroup.errors import InputError
 from cgroup.io import _e57 as e57
 from cgroup.io import _moved_tables as tables
-from cgroup.io._gltf import JSON_CHUNK
 from cgroup.io._motion import NORMAL, Motion
 from cgroup.io.attributes import TEXTS
 from cgroup.io.files import check_outputs, faults_of, load_json, open_input, write_stream
@@ -29,6 +28,7 @@ from cgroup.rigid import check_rigid
 from cgroup.rigid.transforms import quaternions, scaling
 from cgroup.types import FloatArray
 
+_JSON_CHUNK = 0x4E4F534A  # of GLB
 _Moves: TypeAlias = Callable[[Motion, BinaryIO, BinaryIO], None]
 
 
@@ -137,7 +137,7 @@ def _move_gltf(motion: Motion, source: BinaryIO, out: BinaryIO) -> None:
         out.write(_add_roots(motion, document))
         return
     magic, version, length, size, kind = struct.unpack("<4sIIII", head)
-    if (version, kind) != (2, JSON_CHUNK):
+    if (version, kind) != (2, _JSON_CHUNK):
         raise InputError("no GLB of version 2")
     text = _add_roots(motion, load_json(source.read(size)))
     text += b" " * (-len(text) % 4)

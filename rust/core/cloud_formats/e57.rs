@@ -206,7 +206,8 @@ fn fill(field: &Field, count: usize, execution: &Execution, number: impl Fn(usiz
     Ok(Column::Bytes(fill_with(count, execution, byte)?))
 }
 
-fn fill_with<T>(count: usize, execution: &Execution, item: impl Fn(usize) -> T) -> Result<Vec<T>> {
+/// The items that `item` returns for each row.
+pub(super) fn fill_with<T>(count: usize, execution: &Execution, item: impl Fn(usize) -> T) -> Result<Vec<T>> {
     let mut items = memory::with_capacity(count)?;
     for first in (0..count).step_by(CHECK_EVERY) {
         execution.check()?;

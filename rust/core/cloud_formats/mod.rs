@@ -17,6 +17,7 @@
 //! | PTX: grids of scanners, with their poses | [`ptx::parse`] |
 //! | VTK, the legacy format: ASCII, binary | [`vtk::parse`] |
 //! | KITTI's scans: x y z reflectance in float32 | [`kitti::parse`] |
+//! | glTF 2.0 and GLB: the triangles and points of a scene | [`gltf::parse`] |
 //! | E57: only the points of a scan, from a description that the caller has parsed | [`e57::unpack`] |
 
 mod cloud_content;
@@ -24,6 +25,7 @@ mod columns;
 mod commas;
 pub mod e57;
 mod fans;
+pub mod gltf;
 pub mod kitti;
 pub mod las;
 mod lines;
@@ -50,9 +52,10 @@ pub use cloud_content::CloudContent;
 pub type Parser = fn(&[u8], &Execution) -> Result<CloudContent>;
 
 /// All parsers, by the usual suffix of their files.
-pub const PARSERS: [(&str, Parser); 15] = [
+pub const PARSERS: [(&str, Parser); 16] = [
     ("bin", kitti::parse),
     ("csv", text::parse),
+    ("gltf", gltf::parse),
     ("las", las::parse),
     ("obj", obj::parse),
     ("off", off::parse),

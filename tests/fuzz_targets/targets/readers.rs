@@ -7,10 +7,14 @@ use cgroup::cloud_formats::{CloudContent, PARSERS, table};
 use super::check;
 
 /// Upper bound of the points per byte of a file: PCD's compression expands 3 bytes to 90, and a point needs
-/// at least 2; a LAZ point equal to the last one takes a hundredth of a bit.
+/// at least 2; a LAZ point equal to the last one takes a hundredth of a bit. Zeros of glTF take no bytes, up
+/// to 64 MiB of points.
 fn most_points(name: &str, bytes: usize) -> usize {
-    let per_byte = if name == "las" { 1 << 12 } else { 50 };
-    per_byte * bytes
+    match name {
+        "gltf" => (64 << 20) / size_of::<[f64; 3]>() + 50 * bytes,
+        "las" => bytes << 12,
+        _ => 50 * bytes,
+    }
 }
 
 pub fn run(input: &mut Unstructured) -> Result<()> {

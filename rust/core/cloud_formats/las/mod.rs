@@ -112,15 +112,15 @@ mod tests {
 
     /// Corpus files of the fuzz targets, after a byte for the format: 60 points each, as in `expected`.
     const FILES: [(&str, &[u8]); 9] = [
-        ("point format 0", corpus!("ac27a4")),
-        ("point format 7 and two bytes more", corpus!("08dd38")),
-        ("point format 0, items of version 1", corpus!("c3eac6")),
-        ("point format 1, items of version 1", corpus!("51a486")),
-        ("point format 3 and two bytes more, chunks of different lengths", corpus!("e6c232")),
-        ("point format 5, with waveforms", corpus!("cfdff9")),
-        ("point format 6 and a byte more, three chunks", corpus!("8aac3a")),
-        ("point format 8, chunks of different lengths", corpus!("108fbb")),
-        ("point format 7, items of version 4", corpus!("593486")),
+        ("point format 0", corpus!("dacfc1")),
+        ("point format 7 and two bytes more", corpus!("2689ce")),
+        ("point format 0, items of version 1", corpus!("161818")),
+        ("point format 1, items of version 1", corpus!("1c84aa")),
+        ("point format 3 and two bytes more, chunks of different lengths", corpus!("5c192f")),
+        ("point format 5, with waveforms", corpus!("5c81d2")),
+        ("point format 6 and a byte more, three chunks", corpus!("199051")),
+        ("point format 8, chunks of different lengths", corpus!("6b4ccb")),
+        ("point format 7, items of version 4", corpus!("010169")),
     ];
 
     fn files() -> impl Iterator<Item = (&'static str, &'static [u8])> {
