@@ -138,6 +138,27 @@ def test_each_component_of_several_scans_has_its_files(
 
 
 @pytest.mark.usefixtures("calls")
+def test_the_files_of_connected_scans_are_moved(capsys: Capture) -> None:
+    status, printed, _ = run(capsys, "merge", *NAMES, "--out", "scene", "--write-scans")
+    assert status == 3  # the stranger is alone
+    assert sorted(path.name for path in Path("scene/moved").iterdir()) == sorted(NAMES[:3])
+    for name, pose in zip(NAMES, read_transforms("scene/poses.tum"), strict=False):
+        expected = read_cloud(name).transformed(pose).points
+        np.testing.assert_allclose(read_cloud(f"scene/moved/{name}").points, expected, atol=1e-3)
+    assert "moved/: 3 files, moved by the poses" in printed
+    assert "poses.tum" in printed
+
+
+@pytest.mark.usefixtures("calls")
+def test_files_that_cannot_be_moved_are_refused_before_the_work(capsys: Capture) -> None:
+    np.save("points.npy", np.eye(3))
+    assert "'.npy' files are not moved" in fail(
+        capsys, "merge", *NAMES, "points.npy", "--out", "scene", "--write-scans"
+    )
+    assert not Path("scene").exists()
+
+
+@pytest.mark.usefixtures("calls")
 def test_the_document(capsys: Capture) -> None:
     status, out, _ = run(capsys, "merge", *NAMES, "--out", "scene", "--html", "--json")
     assert status == 3

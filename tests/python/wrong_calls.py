@@ -60,6 +60,8 @@ WRONG_CALLS: dict[str, list[Callable[[Any], Any]]] = {
     "cgroup.Correspondences.plot": [given(BARE, T_target_source=np.eye(3))],
     "cgroup.io.ColmapModel.transformed": [given(MODEL, np.eye(4), 0)],
     "cgroup.types.PointCloud.transformed": [given(CLOUD, 2 * np.eye(4))],
+    "cgroup.types.PointCloud.select": [given(CLOUD, [True])],
+    "cgroup.types.PointCloud.crop": [given(CLOUD, np.ones(3), np.zeros(3))],
     "cgroup.registry.label_of": [given("nonsense")],
     "cgroup.features.iss": [find_open3d_missing],
     "cgroup.targets.fit_targets": [

@@ -17,6 +17,7 @@ from cgroup.cli.terminal import print_line, show_stages, shown_name, write_figur
 from cgroup.errors import InputError
 from cgroup.io.attributes import unkept_attributes
 from cgroup.io.files import check_outputs, number_lines
+from cgroup.io.moved import check_movable
 from cgroup.io.result_folders import Results
 from cgroup.registration import Registration
 from cgroup.types import FloatArray, PointCloud, RealArray
@@ -47,6 +48,18 @@ def read_both(source: Path, target: Path) -> tuple[PointCloud, PointCloud]:
     """Read two clouds."""
     with show_stages() as begin:
         return read_cloud(source, begin), read_cloud(target, begin)
+
+
+def crop_clouds(clouds: Clouds, given: Mapping[str, Any]) -> Clouds:
+    """Return the parts of source and target within the boxes of their options, if any."""
+    parts: list[PointCloud] = []
+    for cloud, name in zip(clouds, ("source_crop", "target_crop"), strict=True):
+        box = given[name]
+        parts.append(cloud if box is None else cloud.crop(box[:3], box[3:]))
+        if not len(parts[-1]):
+            low, high = cloud.points.min(axis=0), cloud.points.max(axis=0)
+            raise InputError(name, f"{box}", f"it has none of the points, which span {low} to {high}")
+    return parts[0], parts[1]
 
 
 def describe_cloud(role: str, file: Path, cloud: PointCloud) -> dict[str, Any]:
@@ -101,6 +114,18 @@ def unique_names(files: Sequence[Path], names: Sequence[str]) -> list[str]:
     """Return unique names of files: the whole path if a name is empty or occurs twice."""
     count = Counter(names)
     return [name if name and count[name] == 1 else str(file) for name, file in zip(names, files, strict=True)]
+
+
+def name_moved(files: Sequence[Path]) -> list[str]:
+    """Return unique names of moved files: with that of the folder if a name occurs twice."""
+    count = Counter(file.name for file in files)
+    folders = [f"{file.absolute().parent.name}_" if count[file.name] > 1 else "" for file in files]
+    names = [folder + file.name for folder, file in zip(folders, files, strict=True)]
+    for file, name in zip(files, names, strict=True):
+        check_movable(file)
+        if names.count(name) > 1:
+            raise InputError("FILE", name, "several files would have this name; move them one by one")
+    return names
 
 
 def print_contents(document: Document, contents: Mapping[str, str] = PAIR_FILES) -> None:

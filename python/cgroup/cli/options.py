@@ -93,6 +93,11 @@ def _length(help_text: str, section: str, shown: str | None = None) -> tuple[Any
     return float | None, option("LENGTH", help_text, section, shown)
 
 
+def _box(role: str) -> tuple[Any, Any]:
+    text = f"Box of the {role}'s points that are used, in its frame: least x y z, then greatest."
+    return tuple[float, float, float, float, float, float] | None, option("X Y Z X Y Z", text, CLOUDS, "all")
+
+
 def _point(help_text: str, shown: str | None = None) -> tuple[Any, Any]:
     return Point | None, option("X Y Z", help_text, CLOUDS, shown)
 
@@ -128,6 +133,17 @@ SHARED: dict[str, tuple[Any, Any]] = {
     "target_viewpoint": _point("Scanner position of the target alone."),
     "view_direction": _point("Viewing direction of the scanner, if its position is unknown."),
     "axis": _point("Direction that all clouds share, such as gravity; poses may tilt it by 10 degrees."),
+    "free": (
+        str | None,
+        option(
+            "NAMES",
+            "Parameters to estimate, of roll,pitch,yaw,x,y,z; others keep --initial's values, or zero.",
+            SEARCH,
+            "all",
+        ),
+    ),
+    "source_crop": _box("source"),
+    "target_crop": _box("target"),
     "effort": (Effort, choice("normal", Effort, "Search effort where a pose is uncertain.", SEARCH)),
     "detector": (Detector, choice("h3d", Detector, "Keypoint detector.", KEYPOINTS)),
     "descriptor": (Descriptor, choice("shot", Descriptor, "Descriptor.", KEYPOINTS)),

@@ -1,7 +1,7 @@
 """Accept or reject poses with reasons, and word notes for the user."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -12,6 +12,7 @@ from cgroup._show.words import say_direction
 from cgroup.fronts.scan import Scan
 from cgroup.registration.prepare import LEAST_VOXELS, PreparedScan
 from cgroup.rigid import apply
+from cgroup.rigid.locks import Locks
 from cgroup.types import Agreement, BoolArray, Correspondences, FloatArray, Grouping, Rule
 
 ACCEPTED = 0.5  # probability from which a pose is accepted
@@ -104,6 +105,21 @@ def judge(
 def is_accepted(probability: float) -> bool:
     """Return whether a pose is accepted."""
     return probability >= ACCEPTED
+
+
+def lock(found: Found, judgement: Judgement, locks: Locks) -> tuple[Found, Judgement]:
+    """Return the likeliest pose with locked values; its probability falls as the source moves."""
+    pose, covariance = locks.condition(found.pose, found.covariance())
+    moved = apply(pose, found.points) - apply(found.pose, found.points)
+    voxels = float(np.sqrt((moved**2).sum(axis=1).mean())) / found.voxel
+    chance = found.probability * share_left(voxels)
+    reason = judgement.reason
+    if judgement.ok and not is_accepted(chance):
+        degrees = float(np.degrees(np.linalg.norm(locks.excess(found.pose)[:3])))
+        reason = f"the best pose is {voxels:.2g} voxels and {degrees:.2g} degrees off the locked axes"
+        reason += "; leave out `free`, or correct the frames"
+    locked = replace(found, pose=pose, probability=chance, covariance=lambda: covariance)
+    return locked, replace(judgement, ok=is_accepted(chance), probability=chance, reason=reason)
 
 
 def share_probability(cases: Sequence[Case], scales: int = 1) -> tuple[float, FloatArray]:

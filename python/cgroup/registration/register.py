@@ -20,7 +20,7 @@ from cgroup.features import Cloud
 from cgroup.fronts.paper_front import PaperFront
 from cgroup.fronts.scan import as_viewpoint
 from cgroup.group import check_method
-from cgroup.registration.judge import Judgement, share_left
+from cgroup.registration.judge import Judgement, lock, share_left
 from cgroup.registration.own import as_matches, as_nearby, as_own_descriptors
 from cgroup.registration.pairwise import (
     EFFORTS,
@@ -42,6 +42,7 @@ from cgroup.registration.pairwise import (
 from cgroup.registration.scale import register_scaled
 from cgroup.registry import MethodName
 from cgroup.rigid import apply, check_rigid
+from cgroup.rigid.locks import Locks, as_locks
 from cgroup.types import AnyCloud, Correspondences
 from cgroup.verification import verify
 
@@ -60,6 +61,7 @@ def register(
     target_viewpoint: ArrayLike | None = None,
     view_direction: ArrayLike | None = None,
     axis: ArrayLike | None = None,
+    free: str | None = None,
     effort: Effort = "normal",
     front: Literal["dense", "paper"] | DenseFront | PaperFront = "dense",
     matches: Correspondences | tuple[ArrayLike, ArrayLike] | None = None,
@@ -102,6 +104,10 @@ def register(
         are parallel: (0, 0, -1) for most scanners of objects on a turntable.
     axis : (3,) array_like of float, optional
         A common direction of all clouds, such as gravity; a pose may tilt it by 10 degrees.
+    free : str, optional
+        Names of the parameters of the pose that are estimated, of ``roll, pitch, yaw`` (rotations about x, y
+        and z of the target's frame) ``, x, y, z``: ``"yaw,x,y,z"`` for levelled scans. The others keep the
+        values of `initial`, or zero. One rotation can be free, three or none.
     effort : {"low", "normal", "high"}
         Length of the search: mutual matches at coarse and at fine voxels only; all matches at fine ones if
         these are not enough; then also voxels of 0.7 of the fine ones, with three nearest matches of each.
@@ -159,11 +165,13 @@ def register(
     """
     as_choice("effort", effort, EFFORTS)
     clock = StageClock(as_stage_function(progress))
-    direction = None if axis is None else as_direction("axis", axis, "(0, 0, 1)")
-    dense, paper = _fronts_of(front, {"matches": matches, "descriptors": descriptors, "initial": initial})
+    proposed = {"matches": matches, "descriptors": descriptors, "initial": initial}
+    dense, paper = _fronts_of(front, proposed)
     bounds = None if scale is False else as_scale("scale", scale)
     is_plain = initial is None and radius is None and angle is None
     nearby = None if is_plain else as_nearby(initial, radius, angle)
+    locks = as_locks(free, None if nearby is None else nearby.pose)
+    direction = locks.shared_axis if axis is None else as_direction("axis", axis, "(0, 0, 1)")
     if initial is not None and (method is not None or options):
         raise InputError("method", remedy="nothing is grouped where `initial` is given; leave it out")
     chosen = "lc" if paper is None else "gtm"
@@ -174,7 +182,7 @@ def register(
     both = as_viewpoint(viewpoint, view_direction)
     given = _as_both(source, target, both, source_viewpoint, target_viewpoint)
     if bounds is not None:
-        _refuse_beside_scale(matches=matches, descriptors=descriptors, initial=initial, front=paper)
+        _refuse_beside_scale(**proposed, front=paper, free=free)
         registration, judgement = register_scaled(search, given, voxel, dense, bounds)
     else:
         scans = _prepare_both(given, voxel, dense, search.threads)
@@ -184,7 +192,7 @@ def register(
             search = replace(search, matches=as_matches(matches, *scans))
         elif descriptors is not None:
             search = replace(search, descriptors=as_own_descriptors(descriptors, *scans))
-        registration, judgement = _register(search, *scans)
+        registration, judgement = _register(search, *scans, locks)
     if registration is not None and judgement.ok:
         return registration
     reason = judgement.reason
@@ -452,14 +460,16 @@ def _prepare_both(
 
 
 def _register(
-    search: Search, source: PreparedScan, target: PreparedScan
+    search: Search, source: PreparedScan, target: PreparedScan, locks: Locks | None = None
 ) -> tuple[Registration | None, Judgement]:
     found = search.run(source, target)
     judgement = judge(found, source, target, search.axis)
+    if found is not None and locks is not None and locks.mask.any():
+        found, judgement = lock(found, judgement, locks)
     return None if found is None else registration_of(found, judgement, search.clock.stop()), judgement
 
 
-def _fronts_of(front: object, others: dict[str, object]) -> tuple[DenseFront | None, PaperFront | None]:
+def _fronts_of(front: object, others: dict[str, Any]) -> tuple[DenseFront | None, PaperFront | None]:
     """Return the dense front if one is given, and the paper's front if it is used; only one may propose."""
     if not isinstance(front, DenseFront | PaperFront) and not (isinstance(front, str) and front in FRONTS):
         remedy = f"choose one of {', '.join(FRONTS)}, or give a DenseFront or PaperFront"

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cgroup._checks import arrays
 from cgroup._checks.foreign import cloud_parts
+from cgroup.errors import InputError
 from cgroup.rigid import apply, check_rigid
 
 
@@ -99,6 +100,70 @@ class PointCloud:
         normals = None if self.normals is None else self.normals @ matrix[:3, :3].T
         place = None if self.viewpoint is None else apply(matrix, np.array([self.viewpoint]))[0]
         return replace(self, points=apply(matrix, self.points), normals=normals, viewpoint=place)
+
+    def select(self, mask: ArrayLike) -> PointCloud:
+        """Return the points of a mask with their attributes, and the triangles among them.
+
+        Parameters
+        ----------
+        mask : (N,) array_like of bool
+            True for points to keep.
+
+        Returns
+        -------
+        PointCloud
+            In the same order, with the same viewpoint.
+
+        Raises
+        ------
+        InputError
+            If there is not one value per point.
+
+        Examples
+        --------
+        >>> from cgroup.types import PointCloud
+        >>> PointCloud([[0.0, 0, 0], [1, 0, 0]]).select([False, True]).points.tolist()
+        [[1.0, 0.0, 0.0]]
+        """
+        kept = arrays.as_mask("mask", mask)
+        if len(kept) != len(self):
+            raise InputError("mask", f"{len(kept)} values for {len(self)} points", "give one per point")
+        faces = self.faces
+        if faces is not None:
+            faces = (np.cumsum(kept) - 1)[np.asarray(faces)[kept[faces].all(axis=1)]]
+        values = (self.points, self.normals, self.colors)
+        points, normals, colors = (None if one is None else np.asarray(one)[kept] for one in values)
+        return replace(self, points=points, normals=normals, faces=faces, colors=colors)
+
+    def crop(self, low: ArrayLike, high: ArrayLike) -> PointCloud:
+        """Return the points within a box, as `select` does.
+
+        Parameters
+        ----------
+        low, high : (3,) array_like of float
+            Least and greatest x, y and z, in the unit of the points; -inf and inf are no bounds.
+
+        Returns
+        -------
+        PointCloud
+            Of the points within the box or on its border.
+
+        Raises
+        ------
+        InputError
+            If a bound is NaN, or a least one is above the greatest.
+
+        Examples
+        --------
+        >>> from cgroup.types import PointCloud
+        >>> len(PointCloud([[0.0, 0, 0], [1, 0, 0]]).crop([0, 0, 0], [0.5, 9, 9]))
+        1
+        """
+        ends = [arrays.as_floats(name, end) for name, end in (("low", low), ("high", high))]
+        if any(end.shape != (3,) for end in ends) or not (ends[0] <= ends[1]).all():
+            raise InputError("low, high", f"{ends[0]}, {ends[1]}", "give x, y, z of a box, the least first")
+        points = np.asarray(self.points)
+        return self.select(((points >= ends[0]) & (points <= ends[1])).all(axis=1))
 
 
 def join_clouds(clouds: Sequence[PointCloud]) -> PointCloud:

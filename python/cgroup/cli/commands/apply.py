@@ -1,18 +1,17 @@
 """``cgroup apply``: move original files by a pose."""
 
-from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
 from cgroup import io
 from cgroup.cli.command import command
 from cgroup.cli.documents import Document
+from cgroup.cli.files import name_moved
 from cgroup.cli.options import OUT, OUTPUT, argument, option
 from cgroup.cli.terminal import print_facts, print_files, show_stages
 from cgroup.errors import InputError
 from cgroup.io.clouds import find_clouds
 from cgroup.io.files import load_text
-from cgroup.io.moved import check_movable
 from cgroup.io.result_folders import Results
 from cgroup.io.scan_names import find_names
 from cgroup.types import FloatArray
@@ -48,13 +47,7 @@ def apply_command(
     """
     files = find_clouds("FILE", files)
     poses = _poses_of(pose, files)
-    count = Counter(file.name for file in files)
-    folders = [f"{file.absolute().parent.name}_" if count[file.name] > 1 else "" for file in files]
-    names = [folder + file.name for folder, file in zip(folders, files, strict=True)]
-    for file, name in zip(files, names, strict=True):
-        check_movable(file)
-        if names.count(name) > 1:
-            raise InputError("FILE", name, "several files would have this name; move them one by one")
+    names = name_moved(files)
     results = Results(out, f"apply {pose}")
     results.check([out / name for name in names], [*files, pose])
     moved: list[Document] = []

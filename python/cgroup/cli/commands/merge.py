@@ -14,13 +14,14 @@ from cgroup.cli import options, terminal
 from cgroup.cli.command import command, identify_run
 from cgroup.cli.documents import Document, fields
 from cgroup.cli.errors import is_given
-from cgroup.cli.files import print_contents, unique_names
+from cgroup.cli.files import name_moved, print_contents, unique_names
 from cgroup.cli.options import FORMATS, GIVE_VIEWPOINT, SEARCH, option
 from cgroup.errors import CgroupError, InputError
 from cgroup.io.attributes import unkept_attributes
 from cgroup.io.clouds import find_clouds
 from cgroup.io.files import check_outputs, load_text
 from cgroup.io.las import merge_files
+from cgroup.io.moved import transform_file
 from cgroup.io.result_folders import Results, make_folder
 from cgroup.io.scan_names import find_names, names_file
 from cgroup.io.transforms import read_transforms
@@ -39,7 +40,7 @@ _EDGE_KEYS = (
 
 _MOST_EDGES = 40  # edges that are printed: dropped ones first, then by residual
 _POSES, _GRAPH, _MERGED, _PICTURE = "poses.tum", "graph.g2o", "merged.ply", "scene.png"
-_FULL, _PAGE, _PAIRS = "merged.laz", "scene.html", "pairs.sqlite"
+_FULL, _PAGE, _PAIRS, _MOVED = "merged.laz", "scene.html", "pairs.sqlite", "moved"
 _CONTENTS = {
     ".tum": "pose of each scan in the frame of its component's first scan",
     ".g2o": "kept edges",
@@ -88,7 +89,10 @@ def _print_scene(document: Document, *, wide: bool) -> None:
         *(("note", note) for note in done["notes"]),
         *([("not kept", f"{', '.join(unkept)} of the scans; --full keeps those of LAS")] if is_lossy else []),
     )
-    print_contents(document, _CONTENTS)
+    moved = [file for file in document["files"] if Path(file).parent.name == _MOVED]
+    print_contents({"files": [file for file in document["files"] if file not in moved]}, _CONTENTS)
+    if moved:
+        terminal.print_line(f"  {_MOVED}/: {counted(len(moved), 'file')}, moved by the poses")
 
 
 def _joined_wrongly(found: FalseAccepts) -> str:
@@ -145,6 +149,7 @@ def merge_command(
     full: bool = options.flag(
         "--full", "Write all points of the files too, with their attributes.", needs="laspy", extra="las"
     ),
+    write_scans: bool = options.flag("--write-scans", "Write each file too, moved by its pose."),
     out: Path = options.OUT,
     html: bool = options.HTML,
     **shared: Any,
@@ -155,14 +160,16 @@ def merge_command(
 
     Writes the poses, the graph of edges, the merged cloud and a picture of each component of at least two
     scans: poses.tum, graph.g2o, merged.ply, scene.png; of a second component poses_2.tum and so on. --full
-    adds merged.laz, where point_source_id is the number of the scan in poses.tum. Finished pairs are kept in
-    pairs.sqlite, from which a killed run continues.
+    adds merged.laz, where point_source_id is the number of the scan in poses.tum. --write-scans adds moved/,
+    with the files of connected scans in the frame of their component, as cgroup apply has them. Finished
+    pairs are kept in pairs.sqlite, from which a killed run continues.
     """
     scans = find_clouds("CLOUD", scans)
     possible = _files_of(out, max(1, len(scans) // 2), html=True, full=True)
-    check_outputs([*possible, out / _PAIRS], scans)
+    moved = [out / _MOVED / name for name in name_moved(scans)] if write_scans else []
+    check_outputs([*possible, *moved, out / _PAIRS], scans)
     results = Results(out, "merge")
-    results.check(_files_of(out, 1, html=html, full=full))
+    results.check([*_files_of(out, 1, html=html, full=full), *moved])
     with _folder_if_needed(out), terminal.show_stages(piped=True) as begin:
         scene = register_all(
             scans,
@@ -181,6 +188,7 @@ def merge_command(
         with results.writing(identify_run(context)) as files:
             _write(scene, out, several, html=html)
             lost = _write_full(scene, scans, out, several, begin) if full else []
+            lost += _move_scans(scene, scans, moved, begin)
     return {
         "inputs": inputs,
         "results": {
@@ -304,4 +312,17 @@ def _write_full(scene: Scene, files: Sequence[Path], folder: Path, components: i
     for k, rows in enumerate(scene.components[:components]):
         begin(f"writing {_file(folder, _FULL, k).name}")
         notes += merge_files([files[row] for row in rows], scene.poses[rows], _file(folder, _FULL, k))
+    return notes
+
+
+def _move_scans(scene: Scene, files: Sequence[Path], moved: Sequence[Path], begin: Any) -> list[str]:
+    """Move the files of connected scans; return the attributes that are not kept."""
+    notes: list[str] = []
+    placed = [row for rows in scene.components for row in rows if len(rows) > 1] if moved else []
+    for row in placed:
+        begin(f"moving {files[row].name}")
+        make_folder(moved[row].parent)
+        notes += [
+            f"{files[row].name}: {note}" for note in transform_file(files[row], scene.poses[row], moved[row])
+        ]
     return notes

@@ -11,7 +11,7 @@ from cgroup.cli import options
 from cgroup.cli.command import command, identify_run
 from cgroup.cli.documents import Document
 from cgroup.cli.errors import RefusedPoseError, is_given, reword
-from cgroup.cli.files import PairFiles, describe_pair, name_of_pair, print_contents, read_both
+from cgroup.cli.files import PairFiles, crop_clouds, describe_pair, name_of_pair, print_contents, read_both
 from cgroup.cli.options import FRONT, METHOD_NAMES, OUTPUT, SEARCH, TRUTH, argument, choice, flag, option
 from cgroup.cli.process import write_error
 from cgroup.cli.registration_facts import describe_truth, placement_facts, registration_results
@@ -27,7 +27,8 @@ Front = Literal["dense", "paper"]
 # Options of both commands.
 _PAIR = ("voxel", "viewpoint", "source_viewpoint", "target_viewpoint", "view_direction", "axis", "effort")
 # Options of the search, which targets replace.
-_SEARCH = ("matches", "initial", "radius", "angle", "scale", "method", "front", "support")
+_SEARCH = ("matches", "initial", "radius", "angle", "scale", "method", "front", "support", "free")
+_CROPS = ("source_crop", "target_crop")
 
 
 def _print_registration(document: Document, *, verbose: bool) -> None:
@@ -54,6 +55,8 @@ def _print_registration(document: Document, *, verbose: bool) -> None:
     "cgroup register a.pcd b.pcd --voxel 0.3 --viewpoint 0 0 0 --axis 0 0 1",
     "# near a roughly known pose: within 5 m and 10 degrees",
     "cgroup register a.pcd b.pcd --initial odometry.txt --radius 5 --angle 10",
+    "# levelled scans, without what is above 2 m of the source",
+    "cgroup register a.ply b.ply --free yaw,x,y,z --source-crop -inf -inf -inf inf inf 2",
     "# the source's unit is 0.5 to 2 of the target's",
     "cgroup register a.ply b.ply --scale 0.5 2",
     "# the pose of surveyed targets, judged on the clouds",
@@ -63,7 +66,7 @@ def _print_registration(document: Document, *, verbose: bool) -> None:
     "# the paper's feature extraction, for a script",
     "cgroup register a.ply b.ply --front paper --method gtm --json",
     show=_print_registration,
-    takes=(*_PAIR, *FRONT),
+    takes=(*_PAIR, "free", *_CROPS, *FRONT),
 )
 def register_command(
     context: typer.Context,
@@ -124,8 +127,8 @@ def register_command(
     try:
         with show_stages() as begin:
             done = register(
-                *clouds,
-                **{name: shared[name] for name in _PAIR},
+                *crop_clouds(clouds, shared),
+                **{name: shared[name] for name in (*_PAIR, "free")},
                 front=_front(context, front, support, {name: shared[name] for name in FRONT}),
                 matches=own,
                 initial=rough,
@@ -254,7 +257,7 @@ def _check_options(context: typer.Context, clouds: int, front: Front) -> None:
             message = f"{refused}: belongs to --front {other}, but the front is {front!r}"
             raise InputError(message)
     if is_given(context, "targets"):
-        for name in (*_SEARCH, *FRONT):
+        for name in (*_SEARCH, *_CROPS, *FRONT):
             if is_given(context, name):
                 raise InputError(name, remedy="has no use with --targets, which give the pose; leave it out")
     if is_given(context, "truth") and is_given(context, "scale"):
