@@ -40,21 +40,21 @@ pub fn find_outliers<'py>(
     indices(py, run(py, &run_options, move |_| core::find_outliers(&cloud))?)
 }
 
-/// Points of a scan and those between its rings; None for a scan without rings.
+/// Points of a scan and those between its rings, and the position of the scanner; None for a scan without rings.
 #[pyfunction]
 pub fn fill_between_rings<'py>(
     py: Python<'py>,
     cloud: &Cloud,
     points: Reals<'py, Ix2>,
     run_options: RunOptions,
-) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
+) -> PyResult<Option<(Bound<'py, PyArray2<f64>>, [f64; 3])>> {
     let cloud = cloud.core();
     if cloud.points().len() > core::MOST_OF_RINGS {
         return Ok(None);
     }
     let rows = points.rows()?;
     let filled = run(py, &run_options, move |execution| core::fill_between_rings(&cloud, &rows, execution))?;
-    filled.map(|filled| table(py, filled)).transpose()
+    filled.map(|filled| Ok((table(py, filled.points)?, filled.scanner))).transpose()
 }
 
 /// Whether points lie behind each other from a viewpoint.

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from cgroup.datasets import standin_pair
 from cgroup.features import within
@@ -46,6 +48,21 @@ def test_rings_are_filled_in_wherever_the_scanner_stands(beams: int, noise: floa
     near = within(apply(np.linalg.inv(motion), found), expected, 1e-4)
     assert abs(len(found) - len(expected)) <= 0.01 * len(expected)
     assert near.mean() > 0.98  # but for lines to the other of two points as near in angle
+
+
+@given(seed=st.integers(0, 2**32 - 1), beams=st.sampled_from([12, 16, 24, 32]))
+def test_the_scanner_of_rings_is_known(seed: int, beams: int) -> None:
+    rng = np.random.default_rng(seed)
+    points = spin(beams, noise=0.01, place=tuple(rng.uniform(-0.7, 0.7, size=3) * ROOM))
+    motion = random_motion(rng, 20.0)
+    done = prepare(apply(motion, points))
+    assert done.viewpoint is not None
+    np.testing.assert_allclose(done.viewpoint, motion[:3, 3], atol=0.02)
+    assert prepare(apply(motion, points), viewpoint=(50, 0, 0)).viewpoint == (
+        50.0,
+        0.0,
+        0.0,
+    )  # a given one wins
 
 
 def test_what_is_filled_in_lies_on_the_walls() -> None:

@@ -278,7 +278,12 @@ def fill_between_rings(scan: Scan) -> Scan:
     if scan.faces is not None or scan.normals is not None:
         return scan
     filled = _core.fill_between_rings(core_cloud(scan.cloud), scan.cloud.points, run_options(1))
-    return scan if filled is None else replace(scan, cloud=Cloud(filled, name=scan.name))
+    if filled is None:
+        return scan
+    points, scanner = filled
+    return replace(
+        scan, cloud=Cloud(points, name=scan.name), stored_viewpoint=scan.stored_viewpoint or scanner
+    )
 
 
 def mirror_image(

@@ -299,9 +299,8 @@ def prepare(
             "viewpoint, normals", f"both, but {normals!r} normals are those of whole models", "give one"
         )
     if normals == "pca":
-        scan = as_surface("cloud", cloud)
+        scan = fill_between_rings(without_outliers(as_surface("cloud", cloud)))
         viewpoint = scan.stored_viewpoint if viewpoint is None else viewpoint
-        scan = fill_between_rings(without_outliers(scan))
     else:
         scan = as_model("cloud", cloud, normals)
     radii = USUAL if front is None else as_instance("front", front, DenseFront)
@@ -346,9 +345,8 @@ def as_given(
     """Check a scan, prepared or not; without a given viewpoint, that of its file may be used."""
     if isinstance(cloud, PreparedScan):
         return Given(name, cloud, viewpoint)
-    scan = as_surface(name, cloud)
-    place = scan.stored_viewpoint if viewpoint is None and or_stored else viewpoint
-    return Given(name, fill_between_rings(without_outliers(scan)), place)
+    scan = fill_between_rings(without_outliers(as_surface(name, cloud)))
+    return Given(name, scan, scan.stored_viewpoint if viewpoint is None and or_stored else viewpoint)
 
 
 class Preparation(NamedTuple):

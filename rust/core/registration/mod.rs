@@ -43,7 +43,7 @@ pub use posterior::{Case, share_probability};
 pub use prepared::Prepared;
 pub use proposals::VoxelMatches;
 pub use register::{Outcome, Registered, register};
-pub use rings::{MOST_POINTS as MOST_OF_RINGS, fill_between_rings};
+pub use rings::{Filled, MOST_POINTS as MOST_OF_RINGS, fill_between_rings};
 pub use scaled::{ScaleOutcome, Scaled, find_scale};
 pub use scan::{Scan, find_outliers};
 pub use search::{choose_apart, confirm};

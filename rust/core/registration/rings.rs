@@ -43,6 +43,15 @@ const MOST_FILLED: usize = 150_000;
 /// Sine of the angle to the ray (3 degrees) below which two rings belong to two surfaces.
 const GRAZING: f64 = 0.05;
 
+/// The surface between the rings of a scan, and the scanner that shows in them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Filled {
+    /// The points of the scan, and those between its rings.
+    pub points: Vec<[f64; 3]>,
+    /// Position of the scanner.
+    pub scanner: [f64; 3],
+}
+
 /// Returns the points of a scan and those that fill in the surface between its rings; `None` for a scan without rings.
 ///
 /// Neighbouring points of adjacent rings are joined by a line of points, unless it is seen at a grazing angle: then the rings lie
@@ -50,15 +59,11 @@ const GRAZING: f64 = 0.05;
 ///
 /// # Errors
 /// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
-pub fn fill_between_rings(
-    cloud: &Cloud,
-    rows: &[[f64; 3]],
-    execution: &Execution,
-) -> Result<Option<Vec<[f64; 3]>>> {
+pub fn fill_between_rings(cloud: &Cloud, rows: &[[f64; 3]], execution: &Execution) -> Result<Option<Filled>> {
     if rows.len() > MOST_POINTS || rows.len() != cloud.points().len() {
         return Ok(None);
     }
-    let Some(mut rings) = find_rings(cloud, execution)? else { return Ok(None) };
+    let Some((mut rings, scanner)) = find_rings(cloud, execution)? else { return Ok(None) };
     for ring in &mut rings {
         execution.check()?;
         ring.sort_unstable_by(|a, b| a.around.total_cmp(&b.around).then(a.row.cmp(&b.row)));
@@ -84,7 +89,7 @@ pub fn fill_between_rings(
         let step = (end - start) / f64::from(steps);
         filled.extend((1..steps).map(|k| <[f64; 3]>::from(start + step * f64::from(k))));
     }
-    Ok(Some(filled))
+    Ok(Some(Filled { points: filled, scanner }))
 }
 
 /// A line between points of adjacent rings, and the steps along it.
@@ -141,8 +146,11 @@ fn join(
     Ok(())
 }
 
-/// Finds the rings of a spinning scanner, each on a cone, from below: by few lines, or by many if these show that there may be any.
-fn find_rings(cloud: &Cloud, execution: &Execution) -> Result<Option<Vec<Vec<Seen>>>> {
+/// The points of each ring from below, and the position of the scanner.
+type Rings = (Vec<Vec<Seen>>, [f64; 3]);
+
+/// Finds the rings of a spinning scanner, each on a cone: by few lines, or by many if these show that there may be any.
+fn find_rings(cloud: &Cloud, execution: &Execution) -> Result<Option<Rings>> {
     let own = cloud.own()?;
     let points = &own.1;
     let squares: f64 = points.rows().map(|row| Vector3::from(row).norm_squared()).sum();
@@ -160,7 +168,9 @@ fn find_rings(cloud: &Cloud, execution: &Execution) -> Result<Option<Vec<Vec<See
         let lines = memory::collect(lines.filter(|(one, other)| one != other))?;
         found = search(&lines, &samples, points.len(), execution)?;
     }
-    found.apex.map(|(apex, borders)| divide(points, &apex, &borders, radius)).transpose()
+    let Some((apex, borders)) = found.apex else { return Ok(None) };
+    let scanner = own.0.in_data(&(apex.place * radius));
+    Ok(Some((divide(points, &apex, &borders, radius)?, scanner.into())))
 }
 
 /// What a search finds: the apex with the elevations between the rings, and the gaps between rings over those within them.
@@ -265,12 +275,13 @@ mod tests {
     fn the_rings_of_a_scanner_are_found() -> Result<()> {
         let rows = room_of(900);
         let cloud = Cloud::from_rows("points", &rows)?;
-        let rings = find_rings(&cloud, &Execution::default())?.unwrap_or_default();
+        let (rings, scanner) = find_rings(&cloud, &Execution::default())?.unwrap_or_default();
+        assert!(Vector3::from(scanner).norm() < 0.05, "{scanner:?}");
         assert_eq!(rings.iter().map(Vec::len).collect::<Vec<_>>(), vec![900; 16]);
         let beam = |seen: &Seen| seen.row / 900;
         assert!(rings.iter().all(|ring| ring.iter().all(|seen| beam(seen) == beam(&ring[0]))));
         let filled = fill_between_rings(&Cloud::from_rows("points", &rows)?, &rows, &Execution::default())?;
-        let filled = filled.unwrap_or_default().split_off(rows.len());
+        let filled = filled.map_or_else(Vec::new, |filled| filled.points).split_off(rows.len());
         assert!(filled.len() > 10_000, "{}", filled.len());
         let on_a_wall = |place: &&[f64; 3]| {
             let [x, y, z] = place.map(f64::abs);
@@ -284,7 +295,7 @@ mod tests {
     fn dense_rings_are_filled_more_sparsely() -> Result<()> {
         let rows = room_of(4000);
         let filled = fill_between_rings(&Cloud::from_rows("points", &rows)?, &rows, &Execution::default())?;
-        let more = filled.unwrap_or_default().len().saturating_sub(rows.len());
+        let more = filled.map_or(0, |filled| filled.points.len() - rows.len());
         assert!((MOST_FILLED / 4..MOST_FILLED * 5 / 4).contains(&more), "{more}");
         Ok(())
     }
