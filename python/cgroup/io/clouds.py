@@ -286,7 +286,7 @@ def _table(name: str, value: NDArray[Any], shape: tuple[int | None, ...]) -> Any
 
 def _finite_cloud(path: Path, cloud: PointCloud) -> PointCloud:
     """Remove points that are not finite, and their triangles."""
-    points, faces = cloud.points, cloud.faces
+    points = cloud.points
     if len(points) == 0:
         raise InputError(f"{path}: holds no points")
     keep: BoolArray = np.asarray(np.isfinite(points).all(axis=1))
@@ -295,13 +295,7 @@ def _finite_cloud(path: Path, cloud: PointCloud) -> PointCloud:
         raise InputError(f"{path}: none of its {dropped} points is finite")
     if cloud.viewpoint is not None and not np.isfinite(cloud.viewpoint).all():
         cloud = replace(cloud, viewpoint=None)
-    if dropped == 0:
-        return cloud
-    if faces is not None:
-        faces = (np.cumsum(keep) - 1)[faces[keep[faces].all(axis=1)]]
-    normals = None if cloud.normals is None else cloud.normals[keep]
-    colors = None if cloud.colors is None else cloud.colors[keep]
-    return PointCloud(points[keep], normals, faces, colors, dropped, cloud.viewpoint)
+    return cloud if dropped == 0 else replace(cloud.select(keep), dropped=dropped)
 
 
 def _parse_in_core(suffix: str, content: bytes) -> PointCloud:
