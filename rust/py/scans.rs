@@ -40,6 +40,9 @@ pub fn find_outliers<'py>(
     indices(py, run(py, &run_options, move |_| core::find_outliers(&cloud))?)
 }
 
+/// Points, and the position of the scanner.
+type FilledRings<'py> = (Bound<'py, PyArray2<f64>>, [f64; 3]);
+
 /// Points of a scan and those between its rings, and the position of the scanner; None for a scan without rings.
 #[pyfunction]
 pub fn fill_between_rings<'py>(
@@ -47,7 +50,7 @@ pub fn fill_between_rings<'py>(
     cloud: &Cloud,
     points: Reals<'py, Ix2>,
     run_options: RunOptions,
-) -> PyResult<Option<(Bound<'py, PyArray2<f64>>, [f64; 3])>> {
+) -> PyResult<Option<FilledRings<'py>>> {
     let cloud = cloud.core();
     if cloud.points().len() > core::MOST_OF_RINGS {
         return Ok(None);

@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cgroup._checks.arrays import BoolArray, FloatArray
 from cgroup._checks.values import refusal
 from cgroup.rigid.se3 import about, motion, rotation_vectors
-from cgroup.types import BoolArray, FloatArray
 
 AXES = ("roll", "pitch", "yaw", "x", "y", "z")
 _ROUNDS = 10

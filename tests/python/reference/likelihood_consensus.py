@@ -408,8 +408,9 @@ def at_known_scale(look: Look, lengths: list[float], *, told: bool, turns: Float
     found = attempts[winner]
     found = found._replace(ranked=[found.ranked[k]._replace(score=float(scores[k])) for k in order])
     found = found._replace(expected=expected(found.model, found.ranked, found.mirrored, rigid=found.rigid))
+    plausible = np.isfinite(found.expected)  # else a reflection equals it
     for other in attempts:
-        sure = other is not attempts[winner] and other.expected * tried < MOST_ALARMS
+        sure = plausible and other is not attempts[winner] and other.expected * tried < MOST_ALARMS
         if sure and is_near(found, other) and is_fewer(other.expected, found.expected):
             found = found._replace(expected=other.expected)
     for length in [] if told else lengths[COMPARED:]:

@@ -137,7 +137,9 @@ impl LikelihoodConsensus {
         }
         let mut found = take_best(&mut attempts)?;
         self.settle(&mut found, None)?;
-        for other in attempts.iter().filter(|other| other.is_sure(tried)) {
+        // A reflection that equals the pose with these supporters remains one with those of other tolerances.
+        let may_be_significant = found.false_alarms.is_finite();
+        for other in attempts.iter().filter(|other| may_be_significant && other.is_sure(tried)) {
             if found.is_near(other) && is_fewer(other.false_alarms, found.false_alarms) {
                 found.false_alarms = other.false_alarms;
             }
