@@ -138,13 +138,14 @@ def test_each_component_of_several_scans_has_its_files(
 
 
 @pytest.mark.usefixtures("calls")
-def test_the_files_of_connected_scans_are_moved(capsys: Capture) -> None:
-    status, printed, _ = run(capsys, "merge", *NAMES, "--out", "scene", "--write-scans")
+@pytest.mark.parametrize("folder", ["scene", "moved"])
+def test_the_files_of_connected_scans_are_moved(folder: str, capsys: Capture) -> None:
+    status, printed, _ = run(capsys, "merge", *NAMES, "--out", folder, "--write-scans")
     assert status == 3  # the stranger is alone
-    assert sorted(path.name for path in Path("scene/moved").iterdir()) == sorted(NAMES[:3])
-    for name, pose in zip(NAMES, read_transforms("scene/poses.tum"), strict=False):
+    assert sorted(path.name for path in Path(folder, "moved").iterdir()) == sorted(NAMES[:3])
+    for name, pose in zip(NAMES, read_transforms(f"{folder}/poses.tum"), strict=False):
         expected = read_cloud(name).transformed(pose).points
-        np.testing.assert_allclose(read_cloud(f"scene/moved/{name}").points, expected, atol=1e-3)
+        np.testing.assert_allclose(read_cloud(f"{folder}/moved/{name}").points, expected, atol=1e-3)
     assert "moved/: 3 files, moved by the poses" in printed
     assert "poses.tum" in printed
 

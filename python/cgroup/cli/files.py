@@ -11,6 +11,7 @@ import numpy as np
 
 from cgroup import io
 from cgroup._checks.quoting import escape
+from cgroup._show.words import counted
 from cgroup.cli.documents import Document
 from cgroup.cli.registration_facts import Clouds
 from cgroup.cli.terminal import print_line, show_stages, shown_name, write_figure
@@ -129,14 +130,17 @@ def name_moved(files: Sequence[Path]) -> list[str]:
 
 
 def print_contents(document: Document, contents: Mapping[str, str] = PAIR_FILES) -> None:
-    """Print the written files of a document, all in one folder, and their contents, by the ends of names."""
-    files = [Path(file) for file in document["files"]]
+    """Print the written files of a document and their contents, by the ends of names; count those below."""
+    written = [Path(file) for file in document["files"]]
+    files = [file for file in written if file.parent == written[0].parent]
     names = [escape(file.name) for file in files]
     for file, name in zip(files, names, strict=True):
         if file == files[0]:
             print_line(f"wrote to {file.parent}/")
         content = next(contents[end] for end in contents if file.name.endswith(end))
         print_line(f"  {name:<{max(map(len, names))}}  {content}")
+    for name, count in Counter(f"{file.parent.name}/" for file in written if file not in files).items():
+        print_line(f"  {name}: {counted(count, 'file')}, {contents[name]}")
 
 
 class PairFiles:

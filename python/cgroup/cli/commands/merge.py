@@ -49,6 +49,7 @@ _CONTENTS = {
     ".png": "picture",
     ".html": "interactive page",
     ".sqlite": "finished pairs, for another run",
+    f"{_MOVED}/": "moved by the poses",
 }
 
 
@@ -89,10 +90,7 @@ def _print_scene(document: Document, *, wide: bool) -> None:
         *(("note", note) for note in done["notes"]),
         *([("not kept", f"{', '.join(unkept)} of the scans; --full keeps those of LAS")] if is_lossy else []),
     )
-    moved = [file for file in document["files"] if Path(file).parent.name == _MOVED]
-    print_contents({"files": [file for file in document["files"] if file not in moved]}, _CONTENTS)
-    if moved:
-        terminal.print_line(f"  {_MOVED}/: {counted(len(moved), 'file')}, moved by the poses")
+    print_contents(document, _CONTENTS)
 
 
 def _joined_wrongly(found: FalseAccepts) -> str:
