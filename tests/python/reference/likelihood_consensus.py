@@ -49,7 +49,8 @@ one in the target of another pair, two such aside (of 64 points, rows floor(k n 
 Without a tolerance: all of this with u = 1 pr, by position alone. False alarms count 5 times, without a resolution 9 times. Unless
 their number is below 1e-4 (or below 0.01 by frames), the same with u twice as large, half, 4 times, a quarter. The 8 best modes of each of these 5
 are compared by the mean of their scores with the four least u; the modes of the u that has the best one are reordered by it. Another u with less than 0.01 false alarms
-whose best pose lays the points within 6 u (the greater one; root mean square) of where the best does makes it as sure as it is itself, if that is surer. Without a resolution
+whose best pose lays the points within 6 u (the greater one; root mean square) of where the best does makes it as sure as it is itself, if that is surer,
+and if a reflection that equals the best has at most 0.8 times the k' of the best with that u. Without a resolution
 u = 0.8 / 3 of the lesser of both sides' mean distance of nearest points (those that coincide aside), and while the number is not below 0.01, 8 and 16 times that and 1/8 and 1/16
 follow; the fewest false alarms win. Then frames count.
 Under the best pose, of radii 5 u 2^(k/2), k = -8 .. 8, from k = 0 on the one with the least number of false alarms is sought that
@@ -122,6 +123,7 @@ ENOUGH = 200
 TIE = 1e-12
 EQUAL_ALARMS = 1e-9
 REFLECTIONS = 10
+MIRROR = np.array([-1.0, 1.0, 1.0])
 MOST_ALARMS = 0.01
 CLEAR_ALARMS = 1e-4
 COMPARED, CANDIDATE_MODES = 5, 8
@@ -288,6 +290,7 @@ class Attempt(NamedTuple):
     mirrored: list[IntArray]
     hypotheses: list[Pose]
     rigid: bool
+    image: Pose | None
 
     def is_better(self, found: "tuple[Attempt, float] | None", tried: int) -> bool:
         if found is None:
@@ -407,11 +410,11 @@ def at_known_scale(look: Look, lengths: list[float], *, told: bool, turns: Float
     order = np.argsort(-scores, kind="stable")
     found = attempts[winner]
     found = found._replace(ranked=[found.ranked[k]._replace(score=float(scores[k])) for k in order])
-    found = found._replace(expected=expected(found.model, found.ranked, found.mirrored, rigid=found.rigid))
-    plausible = np.isfinite(found.expected)  # else a reflection equals it
+    found = with_expected(found)
     for other in attempts:
-        sure = plausible and other is not attempts[winner] and other.expected * tried < MOST_ALARMS
-        if sure and is_near(found, other) and is_fewer(other.expected, found.expected):
+        sure = other is not attempts[winner] and other.expected * tried < MOST_ALARMS
+        surer = sure and is_near(found, other) and is_fewer(other.expected, found.expected)
+        if surer and not is_doubted(found, other):
             found = found._replace(expected=other.expected)
     for length in [] if told else lengths[COMPARED:]:
         if found.expected * tried < MOST_ALARMS:
@@ -496,17 +499,31 @@ def judge(
 ) -> Attempt:
     model = Model(p, q, levels(p, q, ratio))
     ranked = rank(model, hypotheses, modes)
-    number = expected(model, ranked, mirrored, rigid=rigid)
-    return Attempt(unit, model, model, ranked, number, kept, mirrored, hypotheses, rigid)
+    found = Attempt(unit, model, model, ranked, np.inf, kept, mirrored, hypotheses, rigid, None)
+    return with_expected(found)
 
 
-def expected(model: Model, ranked: list[Ranked], mirrored: list[IntArray], *, rigid: bool) -> float:
-    if not ranked or equalled(model, ranked, mirrored):
-        return np.inf
-    wide = alarms(model, ranked[0], np.zeros(len(model.p), dtype=bool))
-    if not rigid or wide < MOST_ALARMS / 10.0:
-        return wide
-    return min(wide, precise_alarms(model, ranked[0].pose))
+def with_expected(found: Attempt) -> Attempt:
+    """Return what was found with its number of false alarms, and a reflection that equals it."""
+    image = equal_reflection(found) if found.ranked else None
+    number = np.inf
+    if found.ranked and image is None:
+        number = alarms(found.model, found.ranked[0], np.zeros(len(found.model.p), dtype=bool))
+        if found.rigid and number >= MOST_ALARMS / 10.0:
+            number = min(number, precise_alarms(found.model, found.ranked[0].pose))
+    return found._replace(expected=number, image=image)
+
+
+def is_doubted(found: Attempt, other: Attempt) -> bool:
+    """Whether a reflection that equals the best pose has nearly as many supporters with another tolerance."""
+    if found.image is None:
+        return False
+    factor = found.unit / other.unit
+    pose, image = (
+        Pose(one.rotation, one.translation * factor) for one in (found.ranked[0].pose, found.image)
+    )
+    own = other.model.squares(pose)
+    return reflected(other.model, image)[0] / max(supporters_apart(other.model, own), 1) > 0.8
 
 
 def count_frames(found: Attempt, turns: FloatArray, modes: int) -> Attempt:
@@ -517,8 +534,7 @@ def count_frames(found: Attempt, turns: FloatArray, modes: int) -> Attempt:
     counted, ranked = with_frames(answer, turns, found.hypotheses, found.kept, modes)
     if counted.turns is None:
         return found
-    number = expected(found.model, ranked, found.mirrored, rigid=found.rigid)
-    return found._replace(counted=counted, ranked=ranked, expected=number)
+    return with_expected(found._replace(counted=counted, ranked=ranked))
 
 
 def adapted(found: Attempt, resolution: float | None, likely: float, tried: int) -> tuple[Attempt, float]:
@@ -730,28 +746,36 @@ def is_fewer(one: float, other: float) -> bool:
     return one < (1.0 - EQUAL_ALARMS) * other
 
 
-def equalled(model: Model, ranked: list[Ranked], found: list[IntArray]) -> bool:
-    """Whether a motion onto the mirrored target has about as many supporters as the best pose, elsewhere."""
-    mirrored = model._replace(q=model.q * [-1.0, 1.0, 1.0])
-
-    def count(some: Model, squares: FloatArray) -> int:
-        return independent(some.p, some.q, squares, np.flatnonzero(squares <= 5.0**2))[0]
-
+def equal_reflection(found: Attempt) -> Pose | None:
+    """Return a motion onto the mirrored target that has about as many supporters as the best pose, elsewhere."""
+    model = found.model
+    mirrored = model._replace(q=model.q * MIRROR)
     p, q = mirrored.p, mirrored.q
     starts: list[Pose] = []
-    for one in ranked[:REFLECTIONS]:
+    for one in found.ranked[:REFLECTIONS]:
         rows = model.squares(one.pose) <= 5.0**2
         if fixes_rotation(p[rows], q[rows]):
             starts.append(weighted_kabsch(p[rows], q[rows], np.ones(np.count_nonzero(rows))))
-    starts += sorted(motions(p, q, found), key=lambda pose: -mirrored.terms(pose).sum())[:1]
-    best = model.squares(ranked[0].pose)
-    own = count(model, best)
-    images = [mirrored.squares(refine(start, mirrored, [SIGMA] * 5)) for start in starts]
-    same = [is_same(model.p, best, image) for image in images]
-    return any(
-        count(mirrored, image) > 0.9 * own if one is None else not one
-        for image, one in zip(images, same, strict=True)
-    )
+    starts += sorted(motions(p, q, found.mirrored), key=lambda pose: -mirrored.terms(pose).sum())[:1]
+    best = model.squares(found.ranked[0].pose)
+    own = supporters_apart(model, best)
+    for start in starts:
+        count, squares = reflected(model, start)
+        same = is_same(p, best, squares)
+        if count / max(own, 1) > 0.9 if same is None else not same:
+            return start
+    return None
+
+
+def reflected(model: Model, start: Pose) -> tuple[int, FloatArray]:
+    """Return the number of supporters apart of a refined motion onto the mirrored target, and squared residuals."""
+    mirrored = model._replace(q=model.q * MIRROR)
+    squares = mirrored.squares(refine(start, mirrored, [SIGMA] * 5))
+    return supporters_apart(mirrored, squares), squares
+
+
+def supporters_apart(model: Model, squares: FloatArray) -> int:
+    return independent(model.p, model.q, squares, np.flatnonzero(squares <= 5.0**2))[0]
 
 
 def is_same(p: FloatArray, own: FloatArray, image: FloatArray) -> bool | None:

@@ -3,8 +3,9 @@
 //! If no tolerance is given, steps 1 to 8 use the likeliest one. If its answer leaves a doubt, four others
 //! follow without frames, in steps of a factor of two in both directions. The best modes of all are compared
 //! by their mean score with the same tolerances, since scores of different ones are not comparable. Another
-//! tolerance that finds the same motion can make it significant. Without a resolution, still others follow
-//! until one is significant. The residuals determine the group's radius (`width.rs`) and refine the pose.
+//! tolerance that finds the same motion can make it significant, unless a reflection that equals the motion
+//! has nearly as many supporters there. Without a resolution, still others follow until one is significant.
+//! The residuals determine the group's radius (`width.rs`) and refine the pose.
 
 use std::rc::Rc;
 
@@ -12,6 +13,7 @@ use nalgebra::Matrix3;
 
 use super::comparison::take_best;
 use super::confidence::{Judge, MOST_FALSE_ALARMS};
+use super::reflections::{NEARLY_AS_MANY, Reflections};
 use super::{
     Answer, DEVIATION, GROUP, Joined, LikelihoodConsensus, MOST_VERTICES, Problem, REACH, SEEDS, Scale,
     frames, noise, width,
@@ -52,6 +54,8 @@ pub struct Attempt<'a> {
     pub likelihood: Likelihood,
     pub answer: Answer,
     pub false_alarms: f64,
+    /// A reflection that equals the best pose.
+    reflection: Option<Rigid>,
 }
 
 impl LikelihoodConsensus {
@@ -137,10 +141,9 @@ impl LikelihoodConsensus {
         }
         let mut found = take_best(&mut attempts)?;
         self.settle(&mut found, None)?;
-        // A reflection that equals the pose with these supporters remains one with those of other tolerances.
-        let may_be_significant = found.false_alarms.is_finite();
-        for other in attempts.iter().filter(|other| may_be_significant && other.is_sure(tried)) {
-            if found.is_near(other) && is_fewer(other.false_alarms, found.false_alarms) {
+        for other in attempts.iter().filter(|other| other.is_sure(tried)) {
+            let is_surer = found.is_near(other) && is_fewer(other.false_alarms, found.false_alarms);
+            if is_surer && !other.is_doubted(&found)? {
                 found.false_alarms = other.false_alarms;
             }
         }
@@ -221,8 +224,8 @@ impl LikelihoodConsensus {
         let likelihood = problem.likelihood(correspondences.optional_ratio())?;
         let ranked = problem.rank(&likelihood, &hypotheses)?;
         let answer = Answer { likelihood: likelihood.copied()?, ranked, by_frames: false };
-        let false_alarms = f64::INFINITY;
-        let mut found = Attempt { problem, joined, hypotheses, likelihood, answer, false_alarms };
+        let (false_alarms, reflection) = (f64::INFINITY, None);
+        let mut found = Attempt { problem, joined, hypotheses, likelihood, answer, false_alarms, reflection };
         self.settle(&mut found, rotations)?;
         Ok(found)
     }
@@ -239,7 +242,14 @@ impl LikelihoodConsensus {
         }
         let joined = self.tolerance.is_none().then_some(&*found.joined);
         let is_rigid = self.scale == Scale::Known;
-        found.false_alarms = found.judge().expected(&found.answer.ranked, joined, is_rigid)?;
+        found.reflection = match found.best_pose() {
+            Some(pose) => Reflections::of(&found.judge(), pose)?.find(&found.answer.ranked, joined)?,
+            None => None,
+        };
+        found.false_alarms = match found.reflection {
+            Some(_) => f64::INFINITY,
+            None => found.judge().expected(&found.answer.ranked, is_rigid)?,
+        };
         Ok(())
     }
 }
@@ -256,6 +266,13 @@ impl Attempt<'_> {
 
     fn best_pose(&self) -> Option<&Rigid> {
         self.answer.ranked.first().map(|best| &best.mode.pose)
+    }
+
+    /// Whether a reflection that equals the best pose of `found` has nearly as many supporters as that pose
+    /// with this tolerance.
+    fn is_doubted(&self, found: &Self) -> Result<bool> {
+        let (Some(image), Some(pose)) = (&found.reflection, found.best_pose()) else { return Ok(false) };
+        Ok(Reflections::of(&self.judge(), pose)?.share(image)?.0 > NEARLY_AS_MANY)
     }
 
     /// Whether the best poses of two attempts are the same motion, or this one has none.

@@ -33,6 +33,7 @@ mod confidence;
 mod frames;
 mod noise;
 mod precision;
+mod reflections;
 mod scale;
 mod width;
 
