@@ -73,7 +73,9 @@ _Graph: TypeAlias = tuple[
 __all__ = [
     "DEBUG_BUILD",
     "DIFFERENT_POSES",
+    "MOST_LOST",
     "Cloud",
+    "E57Writer",
     "FineSurface",
     "Level",
     "Prepared",
@@ -92,6 +94,7 @@ __all__ = [
     "describe_methods",
     "distinct_points",
     "drop_isolated",
+    "encode_cloud",
     "fill_between_rings",
     "find_outliers",
     "find_scale",
@@ -109,7 +112,6 @@ __all__ = [
     "nearest_rows",
     "normals",
     "optimize_poses",
-    "page_checksums",
     "parse_cloud",
     "parse_gltf",
     "parse_table",
@@ -121,6 +123,7 @@ __all__ = [
     "resolution",
     "rigid_fit",
     "score_poses",
+    "seal_pages",
     "share_probability",
     "shot",
     "shot_lrf",
@@ -133,11 +136,13 @@ __all__ = [
     "voxel_downsample",
     "weigh",
     "within",
+    "wrong_page",
 ]
 
 __version__: str
 DEBUG_BUILD: bool
 DIFFERENT_POSES: tuple[float, float]
+MOST_LOST: float
 
 def group(
     method: str, fields: Fields, run_options: RunOptions, options: dict[str, object]
@@ -253,9 +258,34 @@ class Cloud:
 
 def parse_cloud(content: bytes, suffix: str, run_options: RunOptions) -> _CloudContent: ...
 def gltf_files(content: bytes, run_options: RunOptions) -> list[str]: ...
+
+@final
+class E57Writer:
+    def __new__(cls) -> E57Writer: ...
+    def begin(self, name: str, pose: tuple[list[float], list[float]], count: int) -> None: ...
+    def add(
+        self,
+        points: FloatArray,
+        normals: FloatArray | None,
+        colors: NDArray[np.uint8] | None,
+        intensities: NDArray[np.uint16] | None,
+    ) -> bytes: ...
+    def finish(self) -> tuple[bytes, bytes]: ...
+
+def encode_cloud(
+    suffix: str,
+    points: FloatArray,
+    normals: FloatArray | None,
+    faces: NDArray[np.int64] | None,
+    colors: NDArray[np.uint8] | None,
+    viewpoint: list[float] | None,
+    is_single: bool,
+    run_options: RunOptions,
+) -> bytes: ...
 def parse_gltf(content: bytes, files: dict[str, bytes], run_options: RunOptions) -> _CloudContent: ...
 def decompress_lzf(content: bytes, size: int, run_options: RunOptions) -> bytes: ...
-def page_checksums(contents: bytes, run_options: RunOptions) -> NDArray[np.uint32]: ...
+def wrong_page(pages: NDArray[np.uint8]) -> int | None: ...
+def seal_pages(content: bytes) -> bytes: ...
 def unpack_e57(
     content: bytes,
     section: tuple[int, int],

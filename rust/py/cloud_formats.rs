@@ -1,15 +1,20 @@
-//! Parses files of point clouds, and tables of numbers, from bytes to arrays.
+//! Parses files of point clouds, and tables of numbers, from bytes to arrays; and writes clouds.
 
 use std::collections::BTreeMap;
+use std::sync::Mutex;
 
+use cgroup::cloud_formats::encode::{self, Precision};
 use cgroup::cloud_formats::{CloudContent, PARSERS, e57, gltf, lzf, table};
-use cgroup::{Error, Execution};
-use numpy::{Element, PyArray1, PyArray2, PyArrayMethods};
+use cgroup::{Error, Execution, memory};
+use numpy::{
+    Element, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArrayDyn,
+    PyUntypedArrayMethods,
+};
 use pyo3::prelude::*;
 use pyo3::pybacked::PyBackedBytes;
 use pyo3::types::PyBytes;
 
-use crate::convert::choose;
+use crate::convert::{checked, choose};
 use crate::run::{RunOptions, run, run_inline};
 
 /// Bytes parsed within a millisecond.
@@ -102,14 +107,17 @@ pub fn decompress_lzf(
     Ok(PyBytes::new(py, &plain))
 }
 
-/// CRC-32C of each page of E57, whose contents of 1020 bytes are concatenated.
+/// The first page of E57 with a wrong checksum.
 #[pyfunction]
-pub fn page_checksums(
-    py: Python<'_>,
-    contents: PyBackedBytes,
-    run_options: RunOptions,
-) -> PyResult<Bound<'_, PyArray1<u32>>> {
-    Ok(PyArray1::from_vec(py, parse_with(py, contents, &run_options, e57::checksums)?))
+pub fn wrong_page(pages: PyReadonlyArray2<'_, u8>) -> PyResult<Option<usize>> {
+    let pages = pages.as_slice()?;
+    Ok(e57::wrong_page(pages))
+}
+
+/// Content as pages of E57 with their checksums.
+#[pyfunction]
+pub fn seal_pages<'py>(py: Python<'py>, content: &[u8]) -> PyResult<Bound<'py, PyBytes>> {
+    Ok(PyBytes::new(py, &checked(e57::seal_pages(content))?))
 }
 
 /// Unpacks points of E57 from the packets between two bytes: a column of each field that is not None.
@@ -163,4 +171,97 @@ fn parse_with<T: Send + 'static>(
 fn triples<T: Element>(py: Python<'_>, rows: Vec<[T; 3]>) -> PyResult<Bound<'_, PyArray2<T>>> {
     let count = rows.len();
     PyArray1::from_vec(py, rows.into_flattened()).reshape([count, 3])
+}
+
+/// Encodes a cloud as `ply` or `pcd`.
+#[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "the fields of a cloud")]
+pub fn encode_cloud<'py>(
+    py: Python<'py>,
+    suffix: &str,
+    points: PyReadonlyArrayDyn<'py, f64>,
+    normals: Option<PyReadonlyArrayDyn<'py, f64>>,
+    faces: Option<PyReadonlyArrayDyn<'py, i64>>,
+    colors: Option<PyReadonlyArrayDyn<'py, u8>>,
+    viewpoint: Option<[f64; 3]>,
+    is_single: bool,
+    run_options: RunOptions,
+) -> PyResult<Bound<'py, PyBytes>> {
+    let cloud = CloudContent {
+        points: checked(memory::copied(rows_of("points", &points)?))?,
+        normals: some_rows("normals", normals.as_ref())?.map(memory::copied).map(checked).transpose()?,
+        faces: some_rows("faces", faces.as_ref())?.map(memory::copied).map(checked).transpose()?,
+        colors: some_rows("colors", colors.as_ref())?.map(memory::copied).map(checked).transpose()?,
+        viewpoint,
+    };
+    let encode = if suffix == "ply" { encode::ply } else { encode::pcd };
+    let precision = if is_single { Precision::Single } else { Precision::Double };
+    let content = run(py, &run_options, move |_| encode(&cloud, precision))?;
+    Ok(PyBytes::new(py, &content))
+}
+
+/// The rows of an array (N,3).
+fn rows_of<'a, T: Element>(name: &str, array: &'a PyReadonlyArrayDyn<'_, T>) -> PyResult<&'a [[T; 3]]> {
+    match array.shape() {
+        [_, 3] => Ok(array.as_slice()?.as_chunks().0),
+        other => checked(Err(Error::invalid(name, format!("shape {other:?}"), "give (N,3)"))),
+    }
+}
+
+fn some_rows<'a, T: Element>(
+    name: &str,
+    array: Option<&'a PyReadonlyArrayDyn<'_, T>>,
+) -> PyResult<Option<&'a [[T; 3]]>> {
+    array.map(|array| rows_of(name, array)).transpose()
+}
+
+/// Writes E57; the bytes of a file are returned as they are complete.
+#[pyclass(frozen, module = "cgroup._core")]
+pub struct E57Writer {
+    core: Mutex<e57::writer::Writer>,
+}
+
+#[pymethods]
+impl E57Writer {
+    #[new]
+    fn new() -> PyResult<Self> {
+        Ok(Self { core: Mutex::new(checked(e57::writer::Writer::new())?) })
+    }
+
+    /// Begins a scan; `pose` is its position, and quaternion w x y z.
+    fn begin(&self, name: &str, pose: ([f64; 3], [f64; 4]), count: u64) -> PyResult<()> {
+        checked(self.with(|writer| writer.begin(name, pose, count)))
+    }
+
+    /// Adds points to the scan.
+    fn add<'py>(
+        &self,
+        py: Python<'py>,
+        points: PyReadonlyArrayDyn<'py, f64>,
+        normals: Option<PyReadonlyArrayDyn<'py, f64>>,
+        colors: Option<PyReadonlyArrayDyn<'py, u8>>,
+        intensities: Option<PyReadonlyArray1<'py, u16>>,
+    ) -> PyResult<Bound<'py, PyBytes>> {
+        let block = e57::writer::Points {
+            points: rows_of("points", &points)?,
+            normals: some_rows("normals", normals.as_ref())?,
+            colors: some_rows("colors", colors.as_ref())?,
+            intensities: intensities.as_ref().map(|numbers| numbers.as_slice()).transpose()?,
+        };
+        let pages = checked(self.with(|writer| writer.add(block).and_then(|()| writer.take())))?;
+        Ok(PyBytes::new(py, &pages))
+    }
+
+    /// Ends the file; returns the rest of it, and its first page.
+    fn finish<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyBytes>, Bound<'py, PyBytes>)> {
+        let ended = self.with(|writer| std::mem::replace(writer, e57::writer::Writer::new()?).finish());
+        let (rest, first) = checked(ended)?;
+        Ok((PyBytes::new(py, &rest), PyBytes::new(py, &first)))
+    }
+}
+
+impl E57Writer {
+    fn with<T>(&self, work: impl FnOnce(&mut e57::writer::Writer) -> Result<T, Error>) -> Result<T, Error> {
+        work(&mut self.core.lock().unwrap_or_else(std::sync::PoisonError::into_inner))
+    }
 }

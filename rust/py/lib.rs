@@ -31,7 +31,8 @@ mod _core {
     use super::cloud::Cloud;
     #[pymodule_export]
     use super::cloud_formats::{
-        decompress_lzf, gltf_files, page_checksums, parse_cloud, parse_gltf, parse_table, unpack_e57,
+        E57Writer, decompress_lzf, encode_cloud, gltf_files, parse_cloud, parse_gltf, parse_table,
+        seal_pages, unpack_e57, wrong_page,
     };
     #[pymodule_export]
     use super::features::{
@@ -69,6 +70,7 @@ mod _core {
         PyArray1::<f64>::zeros(module.py(), 0, false);
         module.add("__version__", env!("CARGO_PKG_VERSION"))?;
         module.add("DIFFERENT_POSES", cgroup::verification::DIFFERENT)?;
+        module.add("MOST_LOST", cgroup::cloud_formats::encode::MOST_LOST)?;
         module.add("DEBUG_BUILD", cfg!(debug_assertions))
     }
 }

@@ -256,3 +256,15 @@ def test_progress_is_written_where_nothing_can_be_overwritten(
         for pair in range(1, 7):
             begin(f"pair {pair} of 6\x1b")
     assert capsys.readouterr().err == "pair 3 of 6\\x1b (16 s)\npair 6 of 6\\x1b (31 s)\n"
+
+
+@pytest.mark.usefixtures("calls")
+def test_e57_has_each_file_of_a_component_in_its_place(capsys: Capture) -> None:
+    status, printed, _ = run(capsys, "merge", *NAMES, "--out", "scene", "--e57")
+    assert status == 3
+    assert "merged.e57    all points of the files, each file a scan with its pose" in printed
+    poses = read_transforms("scene/poses.tum")
+    wanted = [read_cloud(name).transformed(pose) for name, pose in zip(NAMES, poses, strict=False)]
+    found = read_cloud("scene/merged.e57").points
+    np.testing.assert_allclose(found, np.vstack([cloud.points for cloud in wanted]), rtol=0, atol=1e-6)
+    assert not Path("scene/merged_2.e57").exists()

@@ -102,9 +102,21 @@ def test_single_precision_loses_no_digits_without_a_word(tmp_path: Path) -> None
 def test_wrong_clouds_are_not_written(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"dtype: got 'f4'; choose one of float64, float32"):
         write_cloud(tmp_path / "a.ply", TETRAHEDRON, dtype="f4")  # type: ignore[arg-type]
-    for name in ("a.ply", "a.pcd"):
-        with pytest.raises(InputError, match=r"3 values of n.*x for 4 points"):
+    for name in ("a.ply", "a.pcd", "a.e57"):
+        with pytest.raises(InputError, match=r"3 values of normals for 4 points"):
             write_cloud(tmp_path / name, PointCloud(TETRAHEDRON, np.zeros((3, 3))))
+        with pytest.raises(InputError, match=r"normals: got shape \[4, 2\]; give \(N,3\)"):
+            write_cloud(tmp_path / name, PointCloud(TETRAHEDRON, np.zeros((4, 2))))
+        with pytest.raises(InputError, match=r"colors: got shape \[4\]; give \(N,3\)"):
+            write_cloud(tmp_path / name, PointCloud(TETRAHEDRON, colors=np.zeros(4, np.uint8)))
+        assert not (tmp_path / name).exists()
+    for faces, reason in (
+        ([[0, 1, -1]], "point -1"),
+        ([[0, 1, 4]], "point 4"),
+        ([[0, 1, 2, 3]], r"shape \[1, 4\]"),
+    ):
+        with pytest.raises(InputError, match=f"faces: got .*{reason}"):
+            write_cloud(tmp_path / "a.ply", PointCloud(TETRAHEDRON, faces=np.array(faces)))
 
 
 # --- thinning --------------------------------------------------------------------------------

@@ -15,7 +15,7 @@ FILES = sorted(PACKAGE.rglob("*.py"))
 MOST_LINES = {
     "": 34_200,
     "benchmark/": 6_615,
-    "cli/": 3_725,
+    "cli/": 3_731,
     "datasets/": 3_060,
     "evaluation/": 1_435,
     "features/": 1_190,

@@ -49,6 +49,11 @@ def in_double(array: RealArray) -> FloatArray:
     return array.astype(np.float64, copy=False)
 
 
+def contiguous(array: NDArray[Any] | None, kind: type[np.generic]) -> Any:  # noqa: ANN401 - of the type
+    """Return an array of a type as the core reads it; None for None."""
+    return None if array is None else np.ascontiguousarray(array, kind)
+
+
 def as_array(name: str, value: ArrayLike) -> NDArray[Any]:
     """Return `value` as an array of its own type."""
     if type(value) is np.ndarray:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import struct
 from collections import Counter
-from typing import Any, BinaryIO
+from collections.abc import Iterable, Sequence
+from typing import Any, BinaryIO, TypeAlias
 from xml.etree import ElementTree as ET
 from xml.etree.ElementTree import Element
 
@@ -12,17 +13,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cgroup import _core
+from cgroup._checks.arrays import as_place, contiguous
 from cgroup._checks.values import run_options
 from cgroup.errors import InputError
 from cgroup.io.files import check_growth
 from cgroup.io.transforms import from_quaternions
 from cgroup.rigid import apply
+from cgroup.rigid.transforms import quaternions
 from cgroup.types import FloatArray
 from cgroup.types.point_cloud import PointCloud, join_clouds
 
 PAGE, USED = 1024, 1020  # bytes of a page, and of these before its checksum
 _PAGES = 4096  # whose checksums are computed at a time
 _LONGEST_XML = 16 << 20
+
+# Name, pose (4,4), number of points, and blocks: points, normals, colours, intensities; None if absent
+Scan: TypeAlias = tuple[str, FloatArray, int, Iterable[Sequence[Any]]]
+_KINDS = (np.float64, np.float64, np.uint8, np.uint16)
 
 _CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
 _SPHERICAL = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")
@@ -37,7 +44,7 @@ def parse_e57(content: bytes) -> PointCloud:
     with np.errstate(all="ignore"):  # numbers of files may be any
         pages = checked_pages(content)
         data, root = pages[:, :USED].tobytes(), parse_xml(description(pages))
-        scans = [_Scan(data, entry) for entry in _children(root, "data3D")]
+        scans = [_StoredScan(data, entry) for entry in _children(root, "data3D")]
         scans = [scan for scan in scans if scan.count]
         check_growth("its points", 8 * sum(scan.count * len(scan.taken) for scan in scans), len(content))
         if sum(scan.length for scan in scans) > len(data):
@@ -70,25 +77,12 @@ def checked_pages(content: Any) -> NDArray[np.uint8]:  # noqa: ANN401 - bytes, o
         raise InputError(f"{len(content)} of {length} bytes")
     pages = np.frombuffer(content, np.uint8, length).reshape(-1, PAGE)
     for first in range(0, len(pages), _PAGES):
-        block = pages[first : first + _PAGES]
-        sums = _checksums(block[:, :USED].tobytes())
-        wrong = np.flatnonzero(sums[:, None] != block[:, USED:].copy().view(">u4"))
-        if len(wrong):
+        wrong = _core.wrong_page(pages[first : first + _PAGES])
+        if wrong is not None:
             raise InputError(
-                f"page {first + wrong[0]} does not match its checksum: the file is damaged, copy it again"
+                f"page {first + wrong} does not match its checksum: the file is damaged, copy it again"
             )
     return pages
-
-
-def seal_pages(content: bytes) -> bytes:
-    """Return content as pages with their checksums."""
-    content += bytes(-len(content) % USED)
-    sums = _checksums(content).astype(">u4")[:, None].view(np.uint8)
-    return np.hstack([np.frombuffer(content, np.uint8).reshape(-1, USED), sums]).tobytes()
-
-
-def _checksums(contents: bytes) -> NDArray[np.uint32]:
-    return _core.page_checksums(contents, run_options(threads=1))
 
 
 def logical(address: int) -> int:
@@ -131,7 +125,7 @@ def _number(entry: Element | None, name: str) -> float:
     return float((child.text if child is not None else None) or 0)
 
 
-class _Scan:
+class _StoredScan:
     def __init__(self, data: bytes, entry: Element) -> None:
         points = _child(entry, "points")
         if points is None:
@@ -212,3 +206,24 @@ def pose_of(pose: Element) -> FloatArray:
     x, y, z = (_number(place, axis) for axis in "xyz")
     rotation = [0.0, 0.0, 0.0, 1.0] if turn is None else [_number(turn, axis) for axis in "xyzw"]
     return from_quaternions("pose", np.array([[x, y, z, *rotation]]))[0]
+
+
+def scan_of(name: str, cloud: PointCloud, pose: FloatArray | None = None) -> Scan:
+    """Return a cloud moved by a pose (4,4); a viewpoint is the origin of its frame."""
+    moved, points = np.eye(4) if pose is None else pose.copy(), cloud.points
+    if cloud.viewpoint is not None:
+        place = np.array(as_place("cloud.viewpoint", cloud.viewpoint))
+        moved[:3, 3], points = apply(moved, place[None])[0], points - place
+    return name, moved, len(points), [(points, cloud.normals, cloud.colors, None)]
+
+
+def write_e57(out: BinaryIO, scans: Iterable[Scan]) -> None:
+    writer = _core.E57Writer()
+    for name, pose, count, blocks in scans:
+        turn = np.roll(quaternions(pose[None, :3, :3])[0], 1)  # w x y z
+        writer.begin(name, (pose[:3, 3].tolist(), turn.tolist()), count)
+        out.writelines(writer.add(*map(contiguous, block, _KINDS)) for block in blocks)
+    rest, first = writer.finish()
+    out.write(rest)
+    out.seek(0)
+    out.write(first)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.polynomial.legendre import Legendre
 from numpy.typing import NDArray
 
+from cgroup import _core
 from cgroup.rigid import apply
 from cgroup.rigid.transforms import quaternions
 from cgroup.types import FloatArray
@@ -27,7 +28,7 @@ _CAMERA = _axes("x_axis{}", "y_axis{}", "z_axis{}")
 _DIRECTIONS = [NORMAL, *_axes("normal_{}", "normal{}", "principal_curvature_{}"), *_CAMERA]
 _ROTATION = tuple(f"rot_{k}" for k in range(4))  # w x y z
 _SCALES = tuple(f"scale_{k}" for k in range(3))
-MOST_LOST = 1e-6  # share of a cloud's size by which the rounding of a format may move points
+MOST_LOST = _core.MOST_LOST  # share of the size of a cloud by which a format may move points
 _HALF_UNIT = 2.0**-24  # rounding error of single precision
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import glob
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import fields, replace
 from functools import partial
 from pathlib import Path
@@ -19,17 +19,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cgroup import _core
-from cgroup._checks.arrays import as_place, as_reals, as_rows
+from cgroup._checks.arrays import as_place, as_reals, as_rows, contiguous
 from cgroup._checks.foreign import cloud_parts
 from cgroup._checks.quoting import escape
 from cgroup._checks.values import as_choice, as_instance, as_path, run_options
 from cgroup.errors import InputError
 from cgroup.features import DescribedCloud
-from cgroup.io._e57 import parse_e57
-from cgroup.io._motion import MOST_LOST
+from cgroup.io._e57 import parse_e57, scan_of, write_e57
 from cgroup.io.attributes import TEXTS
 from cgroup.io.colmap import parse_points
-from cgroup.io.files import naming, parse_file, read_content, write_file, written_path
+from cgroup.io.files import naming, parse_file, read_content, write_file, write_stream, written_path
 from cgroup.io.numpy_files import load_npy, load_npz_points, npz_bytes, read_arrays, single_number
 from cgroup.types import AnyCloud, BoolArray, FloatArray, PointCloud
 from cgroup.types.point_cloud import as_cloud
@@ -88,19 +87,19 @@ def read_cloud(path: str | os.PathLike[str]) -> PointCloud:
 
 
 def write_cloud(path: str | os.PathLike[str], cloud: AnyCloud, *, dtype: Real = "float64") -> None:
-    """Write a point cloud as binary PLY or PCD.
+    """Write a point cloud as binary PLY, PCD or E57.
 
     Parameters
     ----------
     path : path-like
-        Must end in ``.ply`` or ``.pcd``.
+        Must end in ``.ply``, ``.pcd`` or ``.e57``.
     cloud : PointCloud or (N,3) array_like of float
-        Or a cloud of another library. Normals and colours are written if present; faces in PLY, and
-        the viewpoint in PCD, as the other format has none.
+        Or a cloud of another library. Normals and colours are written if present; faces in PLY only, and the
+        viewpoint in PCD and E57 (as the position of the scanner), as the other formats have none.
     dtype : {"float64", "float32"}
-        Of coordinates and normals. Double precision keeps them to the last bit; PCL's point types and many
-        viewers want single precision. That is refused where points would move by more than a millionth of
-        the cloud's size: far from the origin, as in UTM, it hasn't enough digits.
+        Of coordinates and normals; E57 is written in float64 only. Double precision keeps them to the last
+        bit; PCL's point types and many viewers need single precision. That is refused if points would move
+        by more than a millionth of the cloud's size: far from the origin, as in UTM, it hasn't enough digits.
 
     Examples
     --------
@@ -109,87 +108,19 @@ def write_cloud(path: str | os.PathLike[str], cloud: AnyCloud, *, dtype: Real = 
     >>> read_cloud("scan.ply").points.tolist()
     [[0.0, 0.0, 0.0], [0.0, 0.1, 1000000.0]]
     """
-    path = written_path(path, "point clouds", ".ply", ".pcd")
-    as_choice("dtype", dtype, REALS)
-    cloud = as_cloud("cloud", cloud)
-    if dtype == "float32":
-        _check_digits(cloud.points)
-    encode = _ply_bytes if path.suffix.lower() == ".ply" else _pcd_bytes
-    write_file(path, encode(cloud, dtype))
-
-
-def _check_digits(points: FloatArray) -> None:
-    finite = points[np.isfinite(points).all(axis=1)]
-    if len(finite) == 0:
+    path = written_path(path, "point clouds", ".ply", ".pcd", ".e57")
+    cloud, suffix = as_cloud("cloud", cloud), path.suffix.lower()
+    as_choice("dtype", dtype, REALS[:1] if suffix == ".e57" else REALS)
+    if suffix == ".e57":
+        write_stream(path, partial(write_e57, scans=[scan_of(path.stem, cloud)]))
         return
-    with np.errstate(over="ignore"):
-        lost = float(np.abs(finite - finite.astype(np.float32)).max())
-        size = float(np.linalg.norm(np.ptp(finite, axis=0)))
-    if lost > MOST_LOST * size or np.isinf(lost):
-        raise InputError(
-            "dtype",
-            f"float32, which moves points by up to {lost:.3g} in a cloud that is {size:.3g} across",
-            "write float64, or move the cloud to the origin first",
-        )
-
-
-def _records(columns: list[tuple[str, str, NDArray[Any]]], count: int) -> bytes:
-    """Return the bytes of all points, row by row."""
-    records = np.empty(count, dtype=[(name, kind) for name, kind, _ in columns])
-    for name, _, values in columns:
-        if len(values) != count:
-            raise InputError(
-                "cloud", f"{len(values)} values of {name} for {count} points", "give one per point"
-            )
-        records[name] = values
-    return records.tobytes()
-
-
-def _axes(names: Sequence[str], kind: str, rows: NDArray[Any] | None) -> list[tuple[str, str, NDArray[Any]]]:
-    return [] if rows is None else [(name, kind, rows[:, i]) for i, name in enumerate(names)]
-
-
-def _ply_bytes(cloud: PointCloud, dtype: Real) -> bytes:
-    real = np.dtype(dtype).newbyteorder("<").str
-    words = {"<f8": "double", "<f4": "float", "u1": "uchar"}
-    columns = _axes(("x", "y", "z"), real, cloud.points)
-    columns += _axes(("nx", "ny", "nz"), real, cloud.normals)
-    columns += _axes(("red", "green", "blue"), "u1", cloud.colors)
-    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(cloud)}"]
-    header += [f"property {words[kind]} {name}" for name, kind, _ in columns]
-    triangles = b""
-    if cloud.faces is not None:
-        faces = np.empty(len(cloud.faces), dtype=[("count", "u1"), ("corners", "<i4", (3,))])
-        faces["count"], faces["corners"] = 3, cloud.faces
-        header += [f"element face {len(faces)}", "property list uchar int vertex_indices"]
-        triangles = faces.tobytes()
-    text = "\n".join([*header, "end_header", ""])
-    return text.encode() + _records(columns, len(cloud)) + triangles
-
-
-def _pcd_bytes(cloud: PointCloud, dtype: Real) -> bytes:
-    real = np.dtype(dtype).newbyteorder("<").str
-    columns = _axes(("x", "y", "z"), real, cloud.points)
-    columns += _axes(("normal_x", "normal_y", "normal_z"), real, cloud.normals)
-    if cloud.colors is not None:
-        # PCL packs colours into the bits of a float.
-        red, green, blue = np.asarray(cloud.colors).astype("<u4").T
-        columns.append(("rgb", "<f4", (red << 16 | green << 8 | blue).view("<f4")))
-    place = (0.0, 0.0, 0.0) if cloud.viewpoint is None else as_place("cloud.viewpoint", cloud.viewpoint)
-    header = (
-        "# .PCD v0.7 - Point Cloud Data file format",
-        "VERSION 0.7",
-        f"FIELDS {' '.join(name for name, _, _ in columns)}",
-        f"SIZE {' '.join(kind[-1] for _, kind, _ in columns)}",
-        f"TYPE {' '.join('F' for _ in columns)}",
-        f"COUNT {' '.join('1' for _ in columns)}",
-        f"WIDTH {len(cloud)}",
-        "HEIGHT 1",
-        f"VIEWPOINT {' '.join(repr(x) for x in place)} 1 0 0 0",
-        f"POINTS {len(cloud)}",
-        "DATA binary\n",
+    columns = (cloud.points, cloud.normals, cloud.faces, cloud.colors)
+    parts = map(contiguous, columns, (np.float64, np.float64, np.int64, np.uint8))
+    place = None if cloud.viewpoint is None else as_place("cloud.viewpoint", cloud.viewpoint)
+    content = _core.encode_cloud(
+        suffix[1:], *parts, viewpoint=place, is_single=dtype == "float32", run_options=run_options(threads=1)
     )
-    return "\n".join(header).encode() + _records(columns, len(cloud))
+    write_file(path, content)
 
 
 def write_keypoints(path: str | os.PathLike[str], cloud: AnyCloud, indices: ArrayLike) -> None:

@@ -1,4 +1,4 @@
-"""LAS and LAZ files: move one, or merge original files into one, with all attributes of their points."""
+"""LAS and LAZ files: move one; merge original files into one, or into an E57, with attributes of points."""
 
 from __future__ import annotations
 
@@ -9,14 +9,16 @@ import os
 import struct
 from collections.abc import Generator, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from cgroup._checks.values import as_items, as_path
 from cgroup.errors import InputError
+from cgroup.io._e57 import Scan, scan_of, write_e57
 from cgroup.io._motion import MOST_LOST, XYZ, Motion
 from cgroup.io.attributes import unkept_attributes
 from cgroup.io.clouds import read_cloud
@@ -125,19 +127,21 @@ def _move_points(motion: Motion, points: Any, moved: Any, header: Any) -> None: 
 def merge_files(
     paths: Iterable[str | os.PathLike[str]], poses: Iterable[ArrayLike], out: str | os.PathLike[str]
 ) -> list[str]:
-    """Write the points of several files, each moved by its pose, as one LAS or LAZ.
+    """Write several files of points, each moved by its pose, as one LAS, LAZ or E57.
 
-    ``point_source_id`` is the number of each point's file, from 1. LAS and LAZ files keep all other
-    attributes, and the first one's VLRs; of other files positions and colours are kept.
+    In LAS, ``point_source_id`` is the number of each point's file, from 1. LAS and LAZ files keep all other
+    attributes, and the first one's VLRs; of other files positions and colours are kept. In E57, each file is
+    a scan with its pose, in float64: coordinates stay in the frame of the file, relative to the scanner if
+    its position is known. Colours, normals, and intensities of LAS are kept.
 
     Parameters
     ----------
     paths : sequence of path-like
-        Files of clouds; needs the extra ``cgroup[las]``.
+        Files of clouds; LAS needs the extra ``cgroup[las]``.
     poses : sequence of (4,4) array_like of float
         Pose of each file, as for `transform_file`.
     out : path-like
-        ``.las`` or ``.laz``; an existing file is replaced when the new one is complete.
+        ``.las``, ``.laz`` or ``.e57``; an existing file is replaced when the new one is complete.
 
     Returns
     -------
@@ -164,9 +168,50 @@ def merge_files(
     if len(files) != len(motions) or not 0 < len(files) <= _MOST_FILES:
         got = f"{len(files)} files, {len(motions)} poses"
         raise InputError("paths, poses", got, f"give one to {_MOST_FILES} files, and one pose per file")
-    if out.suffix.lower() not in _LAS:
-        raise InputError("out", str(out), "give a name that ends in .las or .laz")
+    if out.suffix.lower() not in (*_LAS, ".e57"):
+        raise InputError("out", str(out), "give a name that ends in .las, .laz or .e57")
     check_outputs([out], files)
+    merge = _write_scans if out.suffix.lower() == ".e57" else _write_joined
+    merge(files, motions, out)
+    notes = ((file.name, note) for file, one in zip(files, motions, strict=True) for note in one.notes)
+    return [*dict.fromkeys(f"{name}: {note}" for name, note in notes)]
+
+
+def _write_scans(files: Sequence[Path], motions: Sequence[Motion], out: Path) -> None:
+    """Write E57, with a scan for each file."""
+
+    def scans() -> Iterator[Scan]:
+        for file, motion in zip(files, motions, strict=True):
+            is_las = file.suffix.lower() in _LAS
+            lost = [name for name in unkept_attributes(file) if not (is_las and name == "intensity")]
+            motion.notes.extend(f"{name}: not kept" for name in lost)
+            if not is_las:
+                yield scan_of(file.name, read_cloud(file), motion.matrix)
+                continue
+            with _opened(file) as (_, blocks):
+                factor = 257 if any(_colors_of(points).max(initial=0) > 255 for points in blocks) else 1
+            motion.notes.extend(["colors: rounded to 8 bits"] * (factor > 1))
+            with _opened(file) as (header, blocks):
+                columns = partial(_columns, factor=factor)
+                yield file.name, motion.matrix, header.point_count, map(columns, blocks)
+
+    write_stream(out, partial(write_e57, scans=scans()))
+
+
+def _columns(points: Any, factor: int) -> Sequence[Any]:  # noqa: ANN401 - of laspy
+    """Return the columns of LAS that E57 keeps."""
+    colors = np.rint(_colors_of(points) / factor)
+    xyz = np.column_stack([points.x, points.y, points.z])
+    return xyz, None, colors if colors.shape[1] else None, points.intensity
+
+
+def _colors_of(points: Any) -> NDArray[np.uint16]:  # noqa: ANN401 - of laspy
+    """Return the colours (n,3) of LAS; (n,0) without colours."""
+    names = [name for name in ("red", "green", "blue") if name in points.point_format.dimension_names]
+    return np.array([points[name] for name in names], np.uint16).reshape(len(names), len(points)).T
+
+
+def _write_joined(files: Sequence[Path], motions: Sequence[Motion], out: Path) -> None:
     headers: list[Any] = []
     for file, motion in zip(files, motions, strict=True):
         with _opened(file) as (header, _):
@@ -186,8 +231,6 @@ def merge_files(
                         writer.write_points(_convert(points, joined, motion, number))
 
     write_stream(out, write)
-    notes = ((file.name, note) for file, one in zip(files, motions, strict=True) for note in one.notes)
-    return [*dict.fromkeys(f"{name}: {note}" for name, note in notes)]
 
 
 @contextmanager

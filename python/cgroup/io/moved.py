@@ -16,6 +16,7 @@ from xml.dom import minidom
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cgroup import _core
 from cgroup._checks.values import as_length, as_path
 from cgroup.errors import InputError
 from cgroup.io import _e57 as e57
@@ -107,10 +108,10 @@ def _move_e57(motion: Motion, source: BinaryIO, out: BinaryIO) -> None:
     for scan in (one for group in groups for one in group.childNodes if one.nodeType == one.ELEMENT_NODE):
         _move_pose(motion, scan)
     content = tree.toxml(encoding="UTF-8")
-    sealed = e57.seal_pages(content)
+    sealed = _core.seal_pages(content)
     head = bytearray(pages[0, : e57.USED].tobytes())
     struct.pack_into("<QQQ", head, 16, pages.size + len(sealed), pages.size, len(content))
-    out.writelines((e57.seal_pages(bytes(head)), pages[1:].data, sealed))
+    out.writelines((_core.seal_pages(bytes(head)), pages[1:].data, sealed))
 
 
 def _move_pose(motion: Motion, scan: Any) -> None:  # noqa: ANN401 - of minidom

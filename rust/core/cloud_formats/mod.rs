@@ -1,4 +1,4 @@
-//! Files of point clouds and meshes: bytes in, a cloud out.
+//! Files of point clouds and meshes: bytes in, a cloud out; and PLY, PCD and E57 out.
 //!
 //! The bytes may come from any source. Declared sizes are checked against the length of the file before
 //! memory is reserved for them, and invalid content is an [`Error::InvalidInput`](crate::Error::InvalidInput)
@@ -24,6 +24,7 @@ mod cloud_content;
 mod columns;
 mod commas;
 pub mod e57;
+pub mod encode;
 mod fans;
 pub mod gltf;
 pub mod kitti;

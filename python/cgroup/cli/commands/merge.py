@@ -40,12 +40,13 @@ _EDGE_KEYS = (
 
 _MOST_EDGES = 40  # edges that are printed: dropped ones first, then by residual
 _POSES, _GRAPH, _MERGED, _PICTURE = "poses.tum", "graph.g2o", "merged.ply", "scene.png"
-_FULL, _PAGE, _PAIRS, _MOVED = "merged.laz", "scene.html", "pairs.sqlite", "moved"
+_FULL, _E57, _PAGE, _PAIRS, _MOVED = "merged.laz", "merged.e57", "scene.html", "pairs.sqlite", "moved"
 _CONTENTS = {
     ".tum": "pose of each scan in the frame of its component's first scan",
     ".g2o": "kept edges",
     ".ply": "all scans as one cloud",
     ".laz": "all points of the files, with their attributes",
+    ".e57": "all points of the files, each file a scan with its pose",
     ".png": "picture",
     ".html": "interactive page",
     ".sqlite": "finished pairs, for another run",
@@ -147,6 +148,7 @@ def merge_command(
     full: bool = options.flag(
         "--full", "Write all points of the files too, with their attributes.", needs="laspy", extra="las"
     ),
+    e57: bool = options.flag("--e57", "Write all points of the files too, as scans with poses."),
     write_scans: bool = options.flag("--write-scans", "Write each file too, moved by its pose."),
     out: Path = options.OUT,
     html: bool = options.HTML,
@@ -158,21 +160,22 @@ def merge_command(
 
     Writes the poses, the graph of edges, the merged cloud and a picture of each component of at least two
     scans: poses.tum, graph.g2o, merged.ply, scene.png; of a second component poses_2.tum and so on. --full
-    adds merged.laz, where point_source_id is the number of the scan in poses.tum. --write-scans adds moved/,
-    with the files of connected scans in the frame of their component, as cgroup apply has them. Finished
-    pairs are kept in pairs.sqlite, from which a killed run continues.
+    adds merged.laz, where point_source_id is the number of the scan in poses.tum. --e57 adds merged.e57, with
+    a scan and its pose for each file. --write-scans adds moved/, with the files of connected scans in the
+    frame of their component, as cgroup apply has them. Finished pairs are kept in pairs.sqlite, from which a
+    killed run continues.
     """
     scans = find_clouds("CLOUD", scans)
-    possible = _files_of(out, max(1, len(scans) // 2), html=True, full=True)
+    merged = [_FULL] * full + [_E57] * e57
+    possible = _files_of(out, max(1, len(scans) // 2), html=True, merged=(_FULL, _E57))
     moved = [out / _MOVED / name for name in name_moved(scans)] if write_scans else []
     check_outputs([*possible, *moved, out / _PAIRS], scans)
     results = Results(out, "merge")
-    results.check([*_files_of(out, 1, html=html, full=full), *moved])
+    results.check([*_files_of(out, 1, html=html, merged=merged), *moved])
     with _folder_if_needed(out), terminal.show_stages(piped=True) as begin:
         scene = register_all(
             scans,
-            **_read_names(scans, known),
-            **shared,
+            **_read_names(scans, known) | shared,
             keep=out / _PAIRS,
             scheduler=scheduler,
             threads=threads,
@@ -182,10 +185,10 @@ def merge_command(
         inputs, placed = _describe(scene, scans, begin)
         begin("writing")
         several = sum(len(rows) > 1 for rows in scene.components)
-        results.check(_files_of(out, several, html=html, full=full))
+        results.check(_files_of(out, several, html=html, merged=merged))
         with results.writing(identify_run(context)) as files:
             _write(scene, out, several, html=html)
-            lost = _write_full(scene, scans, out, several, begin) if full else []
+            lost = _merge_files(scene, scans, out, several, merged, begin)
             lost += _move_scans(scene, scans, moved, begin)
     return {
         "inputs": inputs,
@@ -251,9 +254,9 @@ def _folder_if_needed(folder: Path) -> Generator[None]:
         raise
 
 
-def _files_of(folder: Path, components: int, *, html: bool, full: bool) -> list[Path]:
+def _files_of(folder: Path, components: int, *, html: bool, merged: Sequence[str]) -> list[Path]:
     """List the files of a number of components of two scans or more."""
-    of_each = (_POSES, _GRAPH, _MERGED, *([_FULL] if full else []), _PICTURE)
+    of_each = (_POSES, _GRAPH, _MERGED, *merged, _PICTURE)
     files = [_file(folder, name, k) for k in range(components) for name in of_each]
     return [*files, *([folder / _PAGE] if html else [])]
 
@@ -304,12 +307,15 @@ def _write(scene: Scene, folder: Path, components: int, *, html: bool) -> None:
         write_page(folder / _PAGE, scene_page(scene))
 
 
-def _write_full(scene: Scene, files: Sequence[Path], folder: Path, components: int, begin: Any) -> list[str]:
+def _merge_files(
+    scene: Scene, files: Sequence[Path], folder: Path, components: int, merged: Sequence[str], begin: Any
+) -> list[str]:
     """Merge the files of each component; return the attributes that are not kept."""
     notes: list[str] = []
     for k, rows in enumerate(scene.components[:components]):
-        begin(f"writing {_file(folder, _FULL, k).name}")
-        notes += merge_files([files[row] for row in rows], scene.poses[rows], _file(folder, _FULL, k))
+        for path in (_file(folder, name, k) for name in merged):
+            begin(f"writing {path.name}")
+            notes += merge_files([files[row] for row in rows], scene.poses[rows], path)
     return notes
 
 

@@ -7,12 +7,15 @@
 //! the index and ignored ones, are skipped. A stream of integers has as many bits for each as its limits need,
 //! from the lowest bit of the first byte on.
 
+pub mod writer;
+
 use crate::error::{Error, Result};
 use crate::execution::Execution;
 use crate::memory;
 
-/// Bytes of a page before its checksum.
-pub const USED: usize = 1020;
+/// Bytes of a page, and of these before its checksum.
+const PAGE: usize = 1024;
+const USED: usize = 1020;
 
 const DATA_PACKET: u8 = 1;
 
@@ -76,17 +79,39 @@ pub enum Column {
     Bytes(Vec<u8>),
 }
 
-/// CRC-32C of each page, whose contents are concatenated.
+/// The first page with a wrong checksum.
+#[must_use]
+pub fn wrong_page(pages: &[u8]) -> Option<usize> {
+    let is_right = |page: &[u8]| {
+        page.split_at_checked(USED).is_some_and(|(content, sum)| checksum(content).to_be_bytes() == *sum)
+    };
+    pages.chunks(PAGE).position(|page| !is_right(page))
+}
+
+/// Content as pages with their checksums, the last padded with zeros.
 ///
 /// # Errors
-/// [`Error::OutOfMemory`], [`Error::Interrupted`].
-pub fn checksums(contents: &[u8], execution: &Execution) -> Result<Vec<u32>> {
-    let mut sums = memory::with_capacity(contents.len().div_ceil(USED))?;
-    for pages in contents.chunks(CHECK_EVERY * USED) {
-        execution.check()?;
-        sums.extend(pages.chunks(USED).map(checksum));
+/// [`Error::OutOfMemory`].
+pub fn seal_pages(content: &[u8]) -> Result<Vec<u8>> {
+    let mut sealed = memory::with_capacity(content.len().div_ceil(USED) * PAGE)?;
+    let (whole, rest) = content.as_chunks::<USED>();
+    for page in whole {
+        seal(page, &mut sealed);
     }
-    Ok(sums)
+    if !rest.is_empty() {
+        let mut page = [0; USED];
+        page[..rest.len()].copy_from_slice(rest);
+        seal(&page, &mut sealed);
+    }
+    Ok(sealed)
+}
+
+/// Appends a page and its checksum, which is returned.
+fn seal(page: &[u8; USED], sealed: &mut Vec<u8>) -> u32 {
+    let sum = checksum(page);
+    sealed.extend(page);
+    sealed.extend(sum.to_be_bytes());
+    sum
 }
 
 /// Unpacks `count` points from the packets of a section: a column of each field that is not `None`.
@@ -310,13 +335,22 @@ mod tests {
     }
 
     #[test]
-    fn checksums_are_those_of_the_standard() {
+    fn checksums_are_those_of_the_standard() -> Result<()> {
         assert_eq!(checksum(b"123456789"), 0xe306_9283);
         assert_eq!(checksum(&[0; 32]), 0x8a91_36aa);
         let contents: Vec<u8> = (0..USED + 9).map(|i| (i * i) as u8).collect();
-        let expected = contents.chunks(USED).map(plain_checksum).collect();
-        assert_eq!(checksums(&contents, &Execution::default()), Ok(expected));
-        assert_eq!(checksums(&[], &Execution::default()), Ok(Vec::new()));
+        let mut sealed = seal_pages(&contents)?;
+        assert_eq!(sealed.len(), 2 * PAGE);
+        for (page, content) in sealed.chunks(PAGE).zip(contents.chunks(USED)) {
+            assert_eq!(page[..content.len()], *content);
+            assert!(page[content.len()..USED].iter().all(|byte| *byte == 0));
+            assert_eq!(page[USED..], plain_checksum(&page[..USED]).to_be_bytes());
+        }
+        assert_eq!(wrong_page(&sealed), None);
+        sealed[PAGE + 3] ^= 1;
+        assert_eq!(wrong_page(&sealed), Some(1));
+        assert_eq!((seal_pages(&[])?, wrong_page(&[])), (Vec::new(), None));
+        Ok(())
     }
 
     #[test]
@@ -399,7 +433,6 @@ mod tests {
     fn an_interruption_ends_the_work() {
         let execution = Execution::default();
         execution.interrupt();
-        assert_eq!(checksums(&[0; USED], &execution), Err(Error::Interrupted));
         assert_eq!(unpack(&[], &[Some(field(integer(7, 7)))], 1, &execution), Err(Error::Interrupted));
         assert_eq!(unpack(&other(2, 1), &[None], 1, &execution), Err(Error::Interrupted));
     }
