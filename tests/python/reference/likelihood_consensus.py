@@ -49,7 +49,7 @@ one in the target of another pair, two such aside (of 64 points, rows floor(k n 
 Without a tolerance: all of this with u = 1 pr, by position alone. False alarms count 5 times, without a resolution 9 times. Unless
 their number is below 1e-4 (or below 0.01 by frames), the same with u twice as large, half, 4 times, a quarter. The 8 best modes of each of these 5
 are compared by the mean of their scores with the four least u; the modes of the u that has the best one are reordered by it. Another u with less than 0.01 false alarms
-whose best pose lays the points within 6 u (the greater one; root mean square) of where the best does makes it as sure as it is itself, if that is surer,
+whose best pose moves the points to within 6 u (the greater one; root mean square) of where the best does makes it as sure as it is itself, if that is surer,
 and if a reflection that equals the best has at most 0.8 times the k' of the best with that u. Without a resolution
 u = 0.8 / 3 of the lesser of both sides' mean distance of nearest points (those that coincide aside), and while the number is not below 0.01, 8 and 16 times that and 1/8 and 1/16
 follow; the fewest false alarms win. Then frames count.
