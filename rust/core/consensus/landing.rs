@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use crate::error::Result;
 use crate::execution::Execution;
-use crate::geometry::ball_search::{Ball, BallSearch};
+use crate::geometry::ball_search::BallSearch;
 use crate::geometry::rigid::Rigid;
 use crate::memory;
 use crate::points::Points;
@@ -37,14 +37,14 @@ pub fn landings(
     let n = source.len();
     let count = n.min(SAMPLES);
     let samples = memory::collect((0..count).map(|k| source.get(k * n / count)))?;
-    let search = BallSearch::new(target, radius)?;
+    let search = BallSearch::for_counts(target, radius)?;
     let land = |pose: &Rigid| {
         execution.check()?;
-        let (mut ball, mut covered, mut near) = (Ball::default(), 0, 0);
+        let (mut covered, mut near) = (0, 0);
         for sample in &samples {
-            search.within(&pose.apply(sample), &mut ball)?;
-            covered += usize::from(!ball.is_empty());
-            near += ball.len();
+            let found = search.count(&pose.apply(sample));
+            covered += usize::from(found > 0);
+            near += found;
         }
         let share = |total: usize| total as f64 / count.max(1) as f64;
         Ok(Landing { coverage: share(covered), chance: share(near) })

@@ -132,6 +132,19 @@ impl BallSearch {
         Ok(Self { radius, most: usize::MAX, made_for: radius, grid })
     }
 
+    /// As [`BallSearch::new`], with cells that suit [`BallSearch::count`].
+    ///
+    /// # Errors
+    /// Those of [`BallSearch::new`].
+    pub fn for_counts(cloud: &Points, radius: f64) -> Result<Self> {
+        positive("radius", radius)?;
+        let mut grid = Grid::new(cloud, radius)?;
+        if !grid.is_sparse() {
+            grid = Grid::new(cloud, radius / CELLS_PER_RADIUS)?;
+        }
+        Ok(Self { radius, most: usize::MAX, made_for: radius, grid: Arc::new(grid.with_table()?) })
+    }
+
     /// Whether the grid was built for this radius.
     pub fn is_made_for(&self, radius: f64) -> bool {
         self.made_for.to_bits() == radius.to_bits()
@@ -228,6 +241,21 @@ impl BallSearch {
         });
         grown?;
         if ball.len > self.most { self.keep_nearest(ball) } else { Ok(()) }
+    }
+
+    /// Number of points nearer than the radius.
+    pub fn count(&self, center: &Point3<f64>) -> usize {
+        let center = [center.x, center.y, center.z];
+        let limit = self.radius * self.radius;
+        let mut found = 0;
+        self.grid.visit_box(center, self.radius, |start, end| {
+            for point in &self.grid.points[start..end] {
+                let offset = [point[0] - center[0], point[1] - center[1], point[2] - center[2]];
+                let square = offset[0] * offset[0] + offset[1] * offset[1] + offset[2] * offset[2];
+                found += usize::from(square < limit);
+            }
+        });
+        found
     }
 
     /// The point nearest to a query, if nearer than the radius; ties to the first in grid order.
@@ -371,7 +399,7 @@ mod tests {
 
     fn check(rows: &[[f64; 3]], radius: f64) -> Result<()> {
         let points = Points::from_rows("points", rows)?;
-        let search = BallSearch::new(&points, radius)?;
+        let (search, counts) = (BallSearch::new(&points, radius)?, BallSearch::for_counts(&points, radius)?);
         let mut ball = Ball::default();
         for query in 0..rows.len() {
             search.within(&points.get(query), &mut ball)?;
@@ -381,6 +409,7 @@ mod tests {
                 .filter(|&i| (points.get(i) - points.get(query)).norm_squared() < radius * radius)
                 .collect();
             assert_eq!(found, expected, "query {query}, radius {radius}");
+            assert_eq!(counts.count(&points.get(query)), found.len());
             for (i, &position) in ball.positions().iter().enumerate() {
                 let index = search.index(position) as usize;
                 assert_eq!(ball.vector(i), points.get(index) - points.get(query));

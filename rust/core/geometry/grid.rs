@@ -15,6 +15,13 @@ const MAX_CELLS_PER_AXIS: f64 = (1_u64 << 31) as f64;
 /// Most rows of the table per point of the cloud.
 const ROWS_PER_POINT: u64 = 4;
 
+/// Most cells of the table of all cells, per point and besides.
+const CELLS_PER_POINT: usize = 16;
+const CELLS: usize = 1 << 16;
+
+/// Points per occupied cell of a sparse grid, at most.
+const FEW: usize = 8;
+
 /// Factor of a reach that rounding may have reduced.
 const ROUNDED_UP: f64 = 1.0 + 1e-9;
 
@@ -29,6 +36,9 @@ pub(super) struct Grid {
     columns: Vec<u32>,
     /// Start of each cell's points, then the number of points.
     starts: Vec<u32>,
+    /// Start of the points of every cell, occupied or not, then the number of points; empty without
+    /// [`Grid::with_table`].
+    table: Vec<u32>,
     /// Coordinates in grid order.
     pub points: Vec<[f64; 3]>,
     /// Index of each point in the cloud.
@@ -57,6 +67,24 @@ impl Rows {
             lengths[row as usize] += 1;
         }
         running_total(lengths.into_iter()).map(Self::Table)
+    }
+
+    /// Calls `f` with the occupied rows between two rows and the ranges of their cells, until it returns a value.
+    #[inline]
+    fn visit<R>(&self, low: u64, high: u64, mut f: impl FnMut(u64, usize, usize) -> Option<R>) -> Option<R> {
+        match self {
+            Self::Table(first) => {
+                let ends = &first[low as usize..=high as usize + 1];
+                let some = ends.windows(2).zip(low..).filter(|(ends, _)| ends[0] < ends[1]);
+                some.into_iter().find_map(|(ends, row)| f(row, ends[0] as usize, ends[1] as usize))
+            }
+            Self::Occupied { rows, first } => {
+                let start = rows.partition_point(|&row| row < low);
+                let some = rows[start..].iter().zip(first[start..].windows(2));
+                some.take_while(|&(&row, _)| row <= high)
+                    .find_map(|(&row, ends)| f(row, ends[0] as usize, ends[1] as usize))
+            }
+        }
     }
 
     /// Range of occupied cells of a row.
@@ -98,6 +126,7 @@ impl Grid {
             rows: Rows::Table(Vec::new()),
             columns: Vec::new(),
             starts: Vec::new(),
+            table: Vec::new(),
             points: Vec::new(),
             order: Vec::new(),
         };
@@ -121,22 +150,65 @@ impl Grid {
         let high: [u64; 3] = std::array::from_fn(|k| self.cell(center[k] + radius, k));
         for z in low[2]..=high[2] {
             let across = radius * radius - self.square_gap(center[2], z, 2);
-            for y in low[1]..=high[1] {
-                let row = z * self.cells[1] + y;
-                let along = across - self.square_gap(center[1], y, 1);
-                if along < 0.0 || self.is_empty(row) {
-                    continue;
+            let base = z * self.cells[1];
+            let found = self.rows.visit(base + low[1], base + high[1], |row, first, end| {
+                let along = across - self.square_gap(center[1], row - base, 1);
+                if along < 0.0 {
+                    return None;
                 }
                 let reach = ROUNDED_UP * along.sqrt();
                 let ends = [center[0] - reach, center[0] + reach].map(|x| self.cell(x, 0));
-                if let Some((start, end)) = self.run(row, ends[0], ends[1])
-                    && let Some(result) = f(start, end)
-                {
-                    return Some(result);
-                }
+                let (start, end) = self.run((first, end), ends[0], ends[1])?;
+                f(start, end)
+            });
+            if found.is_some() {
+                return found;
             }
         }
         None
+    }
+
+    /// Adds a table of all cells for [`Grid::visit_box`], unless there are too many.
+    pub fn with_table(mut self) -> Result<Self> {
+        let [along, across, up] = self.cells;
+        let total = u128::from(along) * u128::from(across * up);
+        if total > (CELLS_PER_POINT * self.points.len() + CELLS) as u128 {
+            return Ok(self);
+        }
+        memory::reserve(&mut self.table, total as usize + 1)?;
+        let last = (across * up).saturating_sub(1);
+        self.rows.visit(0, last, |row, first, end| {
+            for cell in first..end {
+                let place = row * along + u64::from(self.columns[cell]);
+                self.table.resize(place as usize + 1, self.starts[cell]);
+            }
+            None::<()>
+        });
+        self.table.resize(total as usize + 1, self.points.len() as u32);
+        Ok(self)
+    }
+
+    /// Calls `f` with the runs of all cells that a box around the ball touches: more points than with
+    /// [`Grid::visit_runs`], found faster.
+    pub fn visit_box(&self, center: [f64; 3], radius: f64, mut f: impl FnMut(usize, usize)) {
+        let [low, high] = [-radius, radius].map(|shift| [0, 1, 2].map(|k| self.cell(center[k] + shift, k)));
+        for z in low[2]..=high[2] {
+            let base = z * self.cells[1];
+            if !self.table.is_empty() {
+                for row in base + low[1]..=base + high[1] {
+                    let [start, end] =
+                        [low[0], high[0] + 1].map(|x| self.table[(row * self.cells[0] + x) as usize]);
+                    f(start as usize, end as usize);
+                }
+                continue;
+            }
+            self.rows.visit(base + low[1], base + high[1], |_, first, end| {
+                if let Some((start, end)) = self.run((first, end), low[0], high[0]) {
+                    f(start, end);
+                }
+                None::<()>
+            });
+        }
     }
 
     /// Calls `f` with every non-empty run of points that may lie within the radius, that of the centre's own row first; `f`
@@ -146,7 +218,8 @@ impl Grid {
         let high: [u64; 3] = std::array::from_fn(|k| self.cell(center[k] + radius, k));
         let (own_y, own_z) = (self.cell(center[1], 1), self.cell(center[2], 2));
         let mut limit = radius * radius;
-        if let Some((start, end)) = self.run(own_z * self.cells[1] + own_y, low[0], high[0]) {
+        let own = self.rows.get(own_z * self.cells[1] + own_y);
+        if let Some((start, end)) = self.run(own, low[0], high[0]) {
             limit = f(start, end);
         }
         for z in low[2]..=high[2] {
@@ -154,7 +227,8 @@ impl Grid {
             for y in low[1]..=high[1] {
                 if (y, z) != (own_y, own_z)
                     && across + self.square_gap(center[1], y, 1) <= limit
-                    && let Some((start, end)) = self.run(z * self.cells[1] + y, low[0], high[0])
+                    && let Some((start, end)) =
+                        self.run(self.rows.get(z * self.cells[1] + y), low[0], high[0])
                 {
                     limit = f(start, end);
                 }
@@ -162,16 +236,14 @@ impl Grid {
         }
     }
 
-    /// Whether a row has no occupied cell, if that is known without a search.
-    #[inline]
-    fn is_empty(&self, row: u64) -> bool {
-        matches!(&self.rows, Rows::Table(first) if first[row as usize] == first[row as usize + 1])
+    /// Whether a cell holds few points.
+    pub fn is_sparse(&self) -> bool {
+        self.points.len() <= FEW * self.columns.len()
     }
 
     /// Points of the occupied cells of a row between two columns.
     #[inline]
-    fn run(&self, row: u64, low: u64, high: u64) -> Option<(usize, usize)> {
-        let (first, end) = self.rows.get(row);
+    fn run(&self, (first, end): (usize, usize), low: u64, high: u64) -> Option<(usize, usize)> {
         let columns = &self.columns[first..end];
         let from = columns.partition_point(|&x| u64::from(x) < low);
         // Few cells lie within a radius.

@@ -181,6 +181,9 @@ impl Likelihood {
                 }
                 for (group, detail) in self.groups.iter().zip(&self.details) {
                     let squares = squared_residuals(&transform, group);
+                    if squares.iter().all(|&square| square >= limit) {
+                        continue;
+                    }
                     let cosines = cosines(&transform, detail);
                     for lane in 0..DOUBLES {
                         let bonus = (most - slope * (1.0 - cosines[lane])).max(0.0);
@@ -202,28 +205,17 @@ impl Likelihood {
     /// [`crate::Error::OutOfMemory`].
     pub fn posteriors(&self, pose: &Rigid) -> Result<Vec<f64>> {
         let factor = 0.5 / (self.deviation * self.deviation);
-        let (mut levels, squares) = (self.levels_under(pose)?, self.squared_residuals(pose)?);
-        levels
-            .iter_mut()
-            .zip(squares)
-            .for_each(|(level, square)| *level = posterior(*level - factor * square));
-        Ok(levels)
+        let (transform, squares) = (by_rows(pose), self.squared_residuals(pose)?);
+        let log_odds = |(i, square): (usize, &f64)| self.level_under(i, &transform) - factor * square;
+        memory::collect(squares.iter().enumerate().map(log_odds).map(posterior))
     }
 
-    /// The level of each correspondence, with the evidence of its frames for the pose.
-    fn levels_under(&self, pose: &Rigid) -> Result<Vec<f64>> {
+    /// The level of a correspondence, with the evidence of its frames for the pose.
+    fn level_under(&self, i: usize, transform: &[f64; 12]) -> f64 {
+        let level = self.groups[i / DOUBLES][6][i % DOUBLES];
+        let Some(detail) = self.details.get(i / DOUBLES) else { return level };
         let (most, slope) = self.frame_term.bonus();
-        let mut levels = memory::collect(self.groups.iter().map(|group| group[6]))?.into_flattened();
-        levels.truncate(self.len);
-        if !self.details.is_empty() {
-            let transform = by_rows(pose);
-            let cosines = self.details.iter().flat_map(|detail| cosines(&transform, detail));
-            levels
-                .iter_mut()
-                .zip(cosines)
-                .for_each(|(level, cos)| *level += (most - slope * (1.0 - cos)).max(0.0));
-        }
-        Ok(levels)
+        level + (most - slope * (1.0 - cosines(transform, detail)[i % DOUBLES])).max(0.0)
     }
 
     fn weight(&self, i: usize) -> f64 {
@@ -249,11 +241,11 @@ impl Likelihood {
         let (limit, factor) = ((REFINED * deviation).powi(2), 0.5 / (deviation * deviation));
         let (mut p, mut q, mut weights) = (Vec::new(), Vec::new(), Vec::new());
         let mut turns = Matrix3::zeros();
-        let levels = self.levels_under(pose)?;
+        let transform = by_rows(pose);
         for (i, square) in self.squared_residuals(pose)?.into_iter().enumerate() {
             if square < limit {
                 let (start, end) = self.points(i);
-                let weight = self.weight(i) * posterior(levels[i] - factor * square);
+                let weight = self.weight(i) * posterior(self.level_under(i, &transform) - factor * square);
                 memory::push(&mut p, start)?;
                 memory::push(&mut q, end)?;
                 memory::push(&mut weights, weight)?;
