@@ -21,7 +21,7 @@ from cgroup.evaluation import overlap
 from cgroup.evaluation.ground_truth import OVERLAP_WITHIN, VISIBLE_WITHIN
 from cgroup.features import within
 from cgroup.rigid import apply
-from cgroup.types import AnyCloud, BoolArray, IndexArray, PointCloud
+from cgroup.types import AnyCloud, BoolArray, PointCloud
 from cgroup.types.point_cloud import as_cloud
 
 Nuisance: TypeAlias = Callable[[MatchingPair, float, np.random.Generator], MatchingPair]
@@ -84,8 +84,8 @@ def decimate(
     _check_left(count, f"share {part}")
     if method == "voxel":
         return PointCloud(voxel_subset(cloud.points, count))
-    kept = np.sort(rng.choice(len(cloud), size=count, replace=False))
-    return _rows(cloud, kept)
+    kept = np.isin(np.arange(len(cloud)), rng.choice(len(cloud), size=count, replace=False))
+    return replace(cloud, faces=None).select(kept)
 
 
 def apply_nuisance(name: str, pair: MatchingPair, level: float, rng: np.random.Generator) -> MatchingPair:
@@ -204,17 +204,8 @@ NUISANCES: dict[str, Nuisance] = {
 
 def _keep(cloud: PointCloud, keep: BoolArray) -> PointCloud:
     _check_left(int(np.count_nonzero(keep)), "the level")
-    faces = cloud.faces
-    if faces is not None:
-        faces = (np.cumsum(keep) - 1)[faces[keep[faces].all(axis=1)]]
-        faces = faces if len(faces) else None
-    return replace(_rows(cloud, np.flatnonzero(keep)), faces=faces)
-
-
-def _rows(cloud: PointCloud, rows: IndexArray) -> PointCloud:
-    normals = None if cloud.normals is None else cloud.normals[rows]
-    colors = None if cloud.colors is None else cloud.colors[rows]
-    return PointCloud(cloud.points[rows], normals, None, colors, cloud.dropped)
+    kept = cloud.select(keep)
+    return kept if kept.faces is not None and len(kept.faces) else replace(kept, faces=None)
 
 
 def _check_share(name: str, level: float) -> None:

@@ -1,6 +1,7 @@
 """``cgroup merge``: what it prints, writes and refuses. Placing the scans is tested elsewhere."""
 
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -156,6 +157,18 @@ def test_files_that_cannot_be_moved_are_refused_before_the_work(capsys: Capture)
     assert "'.npy' files are not moved" in fail(
         capsys, "merge", *NAMES, "points.npy", "--out", "scene", "--write-scans"
     )
+    assert not Path("scene").exists()
+
+
+@pytest.mark.usefixtures("calls")
+@pytest.mark.parametrize("option", ["--full", "--e57", "--write-scans"])
+def test_las_files_are_refused_before_the_work_without_laspy(
+    option: str, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "laspy", None)
+    Path("site.LAZ").write_bytes(b"LASF")
+    said = fail(capsys, "merge", *NAMES, "site.LAZ", "--out", "scene", option)
+    assert "needs laspy; pip install 'cgroup[las]'" in said
     assert not Path("scene").exists()
 
 

@@ -10,6 +10,7 @@ import struct
 from collections.abc import Generator, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -35,6 +36,13 @@ _MOST = 2**31 - 2  # of a coordinate in units of its scale
 _FINE = 1e-7  # share of the extent of other formats that a step of the coordinates is at most
 _MOST_FILES = 2**16 - 1  # that point_source_id can number
 _WITH_SCAN_ANGLE, _ANGLE = 6, 0.006  # point format since which scan angles are in this unit, in degrees
+
+
+def check_laspy(files: Iterable[Path]) -> None:
+    """Raise `InputError` for LAS files without laspy."""
+    for file in files:
+        if file.suffix.lower() in _LAS and find_spec("laspy") is None:
+            raise InputError(f"{file}: moving it needs laspy; pip install 'cgroup[las]'")
 
 
 def move_las(motion: Motion, source: BinaryIO, out: BinaryIO, *, is_packed: bool = False) -> None:

@@ -24,7 +24,7 @@ from cgroup.io import _moved_tables as tables
 from cgroup.io._motion import NORMAL, Motion
 from cgroup.io.attributes import TEXTS
 from cgroup.io.files import check_outputs, faults_of, load_json, open_input, write_stream
-from cgroup.io.las import move_las
+from cgroup.io.las import check_laspy, move_las
 from cgroup.rigid import check_rigid
 from cgroup.rigid.transforms import quaternions, scaling
 from cgroup.types import FloatArray
@@ -89,7 +89,8 @@ def transform_file(
 
 
 def check_movable(path: Path) -> None:
-    """Raise `InputError` for a file of an unknown format."""
+    """Raise `InputError` for a file of an unknown format, or without the library that it needs."""
+    check_laspy([path])
     if path.suffix.lower() not in _MOVERS:
         raise InputError(
             f"{path}: {path.suffix!r} files are not moved; known are {' '.join(sorted(_MOVERS))}"

@@ -20,7 +20,7 @@ from cgroup.errors import CgroupError, InputError
 from cgroup.io.attributes import unkept_attributes
 from cgroup.io.clouds import find_clouds
 from cgroup.io.files import check_outputs, load_text
-from cgroup.io.las import merge_files
+from cgroup.io.las import check_laspy, merge_files
 from cgroup.io.moved import transform_file
 from cgroup.io.result_folders import Results, make_folder
 from cgroup.io.scan_names import find_names, names_file
@@ -32,11 +32,10 @@ from cgroup.scenes import Scene, false_joins, register_all
 from cgroup.scenes.scene import cloud_of
 
 _EDGES = ("source", "target", "probability", "residual", "kept", "reason")
-_EDGE_KEYS = (
+_EDGE_KEYS = (  # of an edge in a document
     *("source", "target", "T_target_source", "probability", "covariance", "fitness", "target_fitness"),
     *("kept", "residual", "reason"),
 )
-"""Attributes of an edge that a document has."""
 
 _MOST_EDGES = 40  # edges that are printed: dropped ones first, then by residual
 _POSES, _GRAPH, _MERGED, _PICTURE = "poses.tum", "graph.g2o", "merged.ply", "scene.png"
@@ -166,6 +165,7 @@ def merge_command(
     killed run continues.
     """
     scans = find_clouds("CLOUD", scans)
+    check_laspy(scans if e57 else ())
     merged = [_FULL] * full + [_E57] * e57
     possible = _files_of(out, max(1, len(scans) // 2), html=True, merged=(_FULL, _E57))
     moved = [out / _MOVED / name for name in name_moved(scans)] if write_scans else []
@@ -183,11 +183,10 @@ def merge_command(
         )
         wrong = asdict(false_joins(scene, scans=decoys, threads=threads, progress=begin)) if decoys else None
         inputs, placed = _describe(scene, scans, begin)
-        begin("writing")
         several = sum(len(rows) > 1 for rows in scene.components)
         results.check(_files_of(out, several, html=html, merged=merged))
         with results.writing(identify_run(context)) as files:
-            _write(scene, out, several, html=html)
+            _write(scene, out, several, begin, html=html)
             lost = _merge_files(scene, scans, out, several, merged, begin)
             lost += _move_scans(scene, scans, moved, begin)
     return {
@@ -257,8 +256,8 @@ def _folder_if_needed(folder: Path) -> Generator[None]:
 def _files_of(folder: Path, components: int, *, html: bool, merged: Sequence[str]) -> list[Path]:
     """List the files of a number of components of two scans or more."""
     of_each = (_POSES, _GRAPH, _MERGED, *merged, _PICTURE)
-    files = [_file(folder, name, k) for k in range(components) for name in of_each]
-    return [*files, *([folder / _PAGE] if html else [])]
+    files = (_file(folder, name, k) for k in range(components) for name in of_each)
+    return [*files, folder / _PAGE] if html else [*files]
 
 
 def _file(folder: Path, name: str, component: int) -> Path:
@@ -296,7 +295,8 @@ def _describe(scene: Scene, files: Sequence[Path], begin: Any) -> tuple[list[Doc
     return inputs, scans
 
 
-def _write(scene: Scene, folder: Path, components: int, *, html: bool) -> None:
+def _write(scene: Scene, folder: Path, components: int, begin: Any, *, html: bool) -> None:
+    begin("writing")
     for k in range(components):
         for name in (_POSES, _GRAPH, _MERGED):
             scene.write(_file(folder, name, k), component=k)
