@@ -83,12 +83,14 @@ __all__ = [
     "Scaled",
     "Scan",
     "Surface",
+    "TextRows",
     "__version__",
     "align",
     "best_placements",
     "bound_rivals",
     "choose_apart",
     "choose_voxel",
+    "columns_of",
     "covariance",
     "decompress_lzf",
     "describe_methods",
@@ -258,6 +260,16 @@ class Cloud:
 
 def parse_cloud(content: bytes, suffix: str, run_options: RunOptions) -> _CloudContent: ...
 def gltf_files(content: bytes, run_options: RunOptions) -> list[str]: ...
+
+@final
+class TextRows:
+    def __new__(
+        cls, text: bytes, layouts: Sequence[tuple[str, Sequence[int]]], separator: str
+    ) -> TextRows: ...
+    def numbers(self) -> list[FloatArray]: ...
+    def replaced(self, numbers: Sequence[FloatArray]) -> bytes: ...
+
+def columns_of(line: bytes) -> tuple[str, list[str]]: ...
 
 @final
 class E57Writer:

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Mutex;
 
 use cgroup::cloud_formats::encode::{self, Precision};
-use cgroup::cloud_formats::{CloudContent, PARSERS, e57, gltf, lzf, table};
+use cgroup::cloud_formats::{CloudContent, PARSERS, e57, gltf, lzf, rows, table};
 use cgroup::{Error, Execution, memory};
 use numpy::{
     Element, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArrayDyn,
@@ -213,6 +213,51 @@ fn some_rows<'a, T: Element>(
     array: Option<&'a PyReadonlyArrayDyn<'_, T>>,
 ) -> PyResult<Option<&'a [[T; 3]]>> {
     array.map(|array| rows_of(name, array)).transpose()
+}
+
+/// Numbers in the lines of a text, read and replaced.
+#[pyclass(frozen, module = "cgroup._core")]
+pub struct TextRows {
+    core: rows::Rows,
+    widths: Vec<usize>,
+}
+
+#[pymethods]
+impl TextRows {
+    #[new]
+    fn new(text: PyBackedBytes, layouts: Vec<(String, Vec<usize>)>, separator: &str) -> PyResult<Self> {
+        let widths = layouts.iter().map(|(_, columns)| columns.len()).collect();
+        let core = checked(rows::Rows::new(text.to_vec(), &layouts, separator.bytes().next()))?;
+        Ok(Self { core, widths })
+    }
+
+    /// The numbers of the lines of each layout, (m,k).
+    fn numbers<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyArray2<f64>>>> {
+        let sizes = self.core.numbers().iter().zip(&self.widths);
+        let array = |(numbers, &width): (&Vec<f64>, &usize)| {
+            let shape = [numbers.len() / width.max(1), width];
+            PyArray1::from_slice(py, numbers).reshape(shape)
+        };
+        sizes.map(array).collect()
+    }
+
+    /// The text with other numbers, (m,k) of each layout.
+    fn replaced<'py>(
+        &self,
+        py: Python<'py>,
+        numbers: Vec<PyReadonlyArray2<'py, f64>>,
+    ) -> PyResult<Bound<'py, PyBytes>> {
+        let numbers: Vec<Vec<f64>> =
+            numbers.iter().map(|array| array.as_array().iter().copied().collect()).collect();
+        Ok(PyBytes::new(py, &checked(self.core.replaced(&numbers))?))
+    }
+}
+
+/// The separator and the words of a line of columns.
+#[pyfunction]
+pub fn columns_of(line: &[u8]) -> PyResult<(String, Vec<String>)> {
+    let (separator, words) = checked(rows::columns_of(line))?;
+    Ok((separator.map(char::from).into_iter().collect(), words))
 }
 
 /// Writes E57; the bytes of a file are returned as they are complete.

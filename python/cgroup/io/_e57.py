@@ -209,11 +209,13 @@ def pose_of(pose: Element) -> FloatArray:
 
 
 def scan_of(name: str, cloud: PointCloud, pose: FloatArray | None = None) -> Scan:
-    """Return a cloud moved by a pose (4,4); a viewpoint is the origin of its frame."""
+    """Return a cloud moved by a pose (4,4); a viewpoint is the origin of its frame, unless it is far away."""
     moved, points = np.eye(4) if pose is None else pose.copy(), cloud.points
     if cloud.viewpoint is not None:
         place = np.array(as_place("cloud.viewpoint", cloud.viewpoint))
-        moved[:3, 3], points = apply(moved, place[None])[0], points - place
+        near, most = points - place, np.abs(points).max(initial=0.0)
+        if np.abs(near + place - points).max(initial=0.0) <= 2.0**-30 * most:
+            moved[:3, 3], points = apply(moved, place[None])[0], near
     return name, moved, len(points), [(points, cloud.normals, cloud.colors, None)]
 
 
@@ -221,7 +223,7 @@ def write_e57(out: BinaryIO, scans: Iterable[Scan]) -> None:
     writer = _core.E57Writer()
     for name, pose, count, blocks in scans:
         turn = np.roll(quaternions(pose[None, :3, :3])[0], 1)  # w x y z
-        writer.begin(name, (pose[:3, 3].tolist(), turn.tolist()), count)
+        writer.begin(name.encode("utf-8", "replace").decode(), (pose[:3, 3].tolist(), turn.tolist()), count)
         out.writelines(writer.add(*map(contiguous, block, _KINDS)) for block in blocks)
     rest, first = writer.finish()
     out.write(rest)

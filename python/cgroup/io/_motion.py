@@ -38,6 +38,7 @@ class Motion:
 
     matrix: FloatArray
     scale: float
+    stem: str = ""  # of the written file
     notes: list[str] = field(default_factory=list)
     ends: list[FloatArray] = field(default_factory=list)  # corners of boxes of moved points
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import io
 import os
-import re
 import shutil
 import struct
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from codecs import BOM_UTF8
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import chain, islice
 from typing import Any, BinaryIO, NamedTuple, TypeAlias
@@ -22,13 +22,14 @@ from cgroup.io._motion import CORNERS, NORMAL, XYZ, Motion
 from cgroup.io.files import check_growth, number_lines
 from cgroup.rigid import apply
 from cgroup.rigid.transforms import quaternions, turn
+from cgroup.types import FloatArray
 
 _Header: TypeAlias = Callable[[Sequence[str]], bytes]  # by the names of fields that get double precision
 
 _CHUNK = 16 << 20  # bytes of records that are moved at a time
-_LINES = 1 << 11  # moved at a time
+_LINES = 1 << 14  # moved at a time
 _LONGEST_LINE = 1 << 20  # of a header
-_COMMENTS = ("#", "//")
+_COMMENTS = (b"#", b"//")
 _WORDS = ("char", "short", "int", "uchar", "ushort", "uint", "float", "double")
 _KINDS = ("i1", "i2", "i4", "u1", "u2", "u4", "f4", "f8")
 _SIZES = dict(zip(_WORDS, _KINDS, strict=True)) | {
@@ -60,7 +61,7 @@ class _Table(NamedTuple):
         """Move records by chunks, `wide` fields in double precision; copy those with lists."""
         if self.is_text:
             layouts = {"": [*self.kinds]} if self.names else {}
-            move_rows(motion, islice(source, self.rows), out, layouts)
+            move_rows(motion, _lines(source, self.rows), out, layouts)
         elif self.names:
             kind = np.dtype([*self.kinds.items()])
             written = [(name, f"{one[0]}f8" if name in wide else one) for name, one in self.kinds.items()]
@@ -79,6 +80,16 @@ class _Table(NamedTuple):
                     out.writelines(_read(source, item, int(size[0])).tobytes() for item in items)
 
 
+def _lines(source: BinaryIO, rows: int) -> Iterator[bytes]:
+    """Yield the lines of records; blank lines and comments are not counted."""
+    while rows:
+        line = source.readline()
+        if not line:
+            raise InputError(f"the end of the file, {rows} records before that of the table")
+        rows -= bool(line.strip()) and not line.startswith(b"#")
+        yield line
+
+
 def _read(source: BinaryIO, kind: np.dtype[Any], count: int) -> NDArray[Any]:
     content = source.read(count * kind.itemsize)
     if len(content) < count * kind.itemsize:
@@ -93,6 +104,7 @@ def _move(motion: Motion, source: BinaryIO, out: BinaryIO, tables: Sequence[_Tab
     for wide in ((), XYZ):
         source.seek(start)
         out.seek(0)
+        out.truncate()
         out.write(header(wide))
         for table in tables:
             table.move(motion, source, out, wide if table.has_points else ())
@@ -111,7 +123,7 @@ def move_ply(motion: Motion, source: BinaryIO, out: BinaryIO) -> None:
     def header(wide: Sequence[str]) -> bytes:
         for (at, name), row in places.items():
             if name in wide and tables[at].has_points:
-                lines[row] = b"property double " + lines[row].split()[-1] + b"\n"
+                lines[row] = b"property double " + lines[row].split(None, 2)[-1]
         return b"".join(lines)
 
     last = max(at for at, table in enumerate(tables) if motion.names(table.names))
@@ -146,12 +158,15 @@ def move_pcd(motion: Motion, source: BinaryIO, out: BinaryIO) -> None:
         if not line:
             raise InputError("no header of PCD")
         key, *words = [line.strip()] if line.startswith("#") else line.split() or [""]
-        entries[key] = words
+        entries[key if key.startswith("#") else key.upper()] = words
+    entries["DATA"] = [word.lower() for word in entries["DATA"]]
     names = [name.lower() for name in entries.get("FIELDS", entries.get("COLUMNS", []))]
     counts = [int(word) for word in entries.get("COUNT", ["1"] * len(names))]
     table = _pcd_table(names, counts, entries)
     if not table.has_points:
         raise InputError("no fields x, y and z")
+    if entries["DATA"] not in (["ascii"], ["binary"], ["binary_compressed"]):
+        raise InputError(f"its DATA is {' '.join(entries['DATA'])!r}")
     if entries["DATA"] == ["binary_compressed"]:
         widths = [int(size) * count for size, count in zip(entries["SIZE"], counts, strict=True)]
         source = _unpack_pcd(source, table.rows, widths)
@@ -248,69 +263,52 @@ def move_rows(
     source: Iterable[bytes],
     out: BinaryIO,
     layouts: Mapping[str, Sequence[str]],
-    separator: str | None = None,
+    separator: str = "",
 ) -> None:
     """Move lines by the names of their columns: after a word that is a key of `layouts`, or all by ""."""
-    cut = re.compile(rf"(^|{separator}|\r?\n)" if separator else r"(^\s*|\s+)")
-    # A cut line is "", indent, word, separator, word, ... with words from the third entry on.
-    places = {
-        key: {name: 2 * columns.index(name) + (4 if key else 2) for name in motion.names(columns)}
-        for key, columns in layouts.items()
-    }
-    most = max((place // 2 + 1 for fields in places.values() for place in fields.values()), default=4)
-    lines = (line.decode("latin-1") for line in source)  # a character for each byte
-    while block := list(islice(lines, _LINES)):
-        rows = [cut.split(line, most) for line in block]
-        for key, fields in places.items():
-            chosen = [row for row in rows if (row[2] == key if key else _is_point(row))]
-            _move_words(motion, chosen, fields)
-        out.write("".join(map("".join, rows)).encode("latin-1"))
-
-
-def _is_point(row: list[str]) -> bool:
-    """Return whether a line has three words, and is no comment; after its end follows an empty word."""
-    return len(row) > (6 if row[-1] else 7) and not row[2].lstrip().startswith(_COMMENTS)
-
-
-def _move_words(motion: Motion, rows: list[list[str]], places: Mapping[str, int]) -> None:
-    numbers = np.array([_numbers(row, places.values()) for row in rows]).reshape(len(rows), len(places))
-    moved = motion.move(dict(zip(places, numbers.T, strict=True)))
-    for name, place in places.items():
-        for row, number in zip(rows, moved[name].tolist(), strict=True):
-            row[place] = repr(number)
-
-
-def _numbers(row: list[str], places: Iterable[int]) -> list[float]:
-    try:
-        return [float(row[place]) for place in places]
-    except (ValueError, IndexError) as error:
-        text = "".join(row).strip()[:60]
-        raise InputError(f"{text!r}: numbers with decimal points belong there") from error
+    names = {key: motion.names(columns) for key, columns in layouts.items()}
+    places = [(key, [layouts[key].index(name) for name in own]) for key, own in names.items() if own]
+    lines = iter(source)
+    while block := b"".join(islice(lines, _LINES)):
+        rows = _core.TextRows(block, places, separator)
+        moved: list[FloatArray] = []
+        for (key, _), numbers in zip(places, rows.numbers(), strict=True):
+            columns = motion.move(dict(zip(names[key], numbers.T, strict=True)))
+            moved.append(np.stack([columns[name] for name in names[key]], axis=1))
+        out.write(rows.replaced(moved))
 
 
 def move_text(motion: Motion, source: BinaryIO, out: BinaryIO, *, more: Sequence[str] = ()) -> None:
     """Move a text of columns: named ones, or x y z and `more`."""
-    names, first, separator, is_sure = list[str](), b"", None, False
+    if source.read(len(BOM_UTF8)) == BOM_UTF8:
+        out.write(BOM_UTF8)
+    else:
+        source.seek(0)
+    names, first, separator, is_sure, odd = list[str](), b"", "", False, b""
     for line in source:
-        text = line.decode("latin-1").strip()
-        separator = next((each for each in ";,\t" if each in text), None)
-        words = [word.strip().strip('"').lower() for word in text.lstrip("#/ ").split(separator)]
-        if {*XYZ} <= {*words}:
-            names, is_sure = words, not text.startswith(_COMMENTS)
-        elif len(words) >= 3 and not text.startswith(_COMMENTS):
+        separator, words = _core.columns_of(line)
+        text = line.strip()
+        if {*XYZ} <= {*map(str.lower, words)}:
+            names, is_sure = [*map(str.lower, words)], not text.startswith(_COMMENTS)
+        elif words and not text.startswith(_COMMENTS):
             first, is_sure = line, is_sure or len(names) == len(words)
             if not is_sure:
                 names = [*XYZ, *more]
-            if not is_sure and len(words) > len(names):
-                motion.notes.append("columns without names: not moved, except x y z")
+                if len(words) > len(names):
+                    motion.notes.append("columns without names: not moved, except x y z")
             break
+        elif text and not text.isdigit() and not text.startswith(_COMMENTS):
+            odd = odd or text
         out.write(line)
+    if odd and not first:
+        raise InputError(f"{odd[:60].decode('latin-1')!r}: numbers with decimal points belong there")
     move_rows(motion, chain([first], source), out, {"": names or XYZ}, separator)
 
 
 def move_ptx(motion: Motion, source: BinaryIO, out: BinaryIO) -> None:
     """Move the matrices of the scans, and the scanner; points stay in the frames of their scans."""
-    while head := list(islice(source, 10)):
+    lines = filter(bytes.strip, source)
+    while head := list(islice(lines, 10)):
         rows = [[float(word) for word in line.split()] for line in head]
         if [len(row) for row in rows] != [1, 1, 3, 3, 3, 3, 4, 4, 4, 4]:
             raise InputError("a scan without its 10 lines of sizes, axes and matrix")
@@ -320,11 +318,11 @@ def move_ptx(motion: Motion, source: BinaryIO, out: BinaryIO) -> None:
         else:
             motion.notes.append("the lines of the scanner's place: not moved; they are in another frame")
         end = head[0][len(head[0].rstrip()) :]
-        lines = [*number_lines(scanner), *number_lines(matrix @ motion.matrix.T)]
-        out.writelines([*head[:2], *(line.encode() + end for line in lines)])
+        changed = [*number_lines(scanner), *number_lines(matrix @ motion.matrix.T)]
+        out.writelines([*head[:2], *(line.encode() + end for line in changed)])
         count = int(rows[0][0] * rows[1][0])
         for row in range(count):
-            point = source.readline()
+            point = next(lines, b"")
             if not point:
                 raise InputError(f"the end of the file, {count - row} points before that of a scan")
             out.write(point)

@@ -49,18 +49,19 @@ def read_bag(path: str | os.PathLike[str], topic: str | None = None) -> Iterator
         raise InputError(f"{path}: reading it needs {missing.name}; pip install 'cgroup[ros]'") from missing
     if not path.exists():
         raise InputError(f"{path}: no such file")
-    row = 0
+    where = ""
     try:
         with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
-            for connection, _, content in reader.messages(_find_topic(reader.connections, name)):
-                row += 1
+            messages = reader.messages(_find_topic(reader.connections, name))
+            for row, (connection, _, content) in enumerate(messages, 1):
+                where = f"message {row}: "
                 message: Any = reader.deserialize(content, connection.msgtype)
                 yield message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec, _cloud_of(message)
+                where = f"message {row + 1}: "
     except InputError as error:
-        raise InputError(f"{path}: {f'message {row}: ' if row else ''}{error}") from error
+        raise InputError(f"{path}: {where}{error}") from error
     except Exception as error:  # of many kinds for damaged files, also for declared sizes beyond the memory
         reason = escape(" ".join(str(error).split())[:_SHOWN]) or type(error).__name__
-        where = f"message {row + 1}: " if row else ""
         raise InputError(f"{path}: {where}not a readable recording, or cut off ({reason})") from error
 
 

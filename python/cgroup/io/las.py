@@ -7,8 +7,7 @@ import logging
 import math
 import os
 import struct
-from collections.abc import Generator, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -74,7 +73,10 @@ def _open_las(source: BinaryIO) -> Any:  # noqa: ANN401 - of laspy
     if head[:4] != b"LASF" or 54 * records > size:
         raise InputError(f"{records} records in {size} bytes")
     source.seek(0)
-    return laspy.open(source, closefd=False)
+    reader = laspy.open(source, closefd=False)
+    if not ((reader.header.scales > 0) & np.isfinite(reader.header.scales)).all():
+        raise InputError(f"its scales are {reader.header.scales}, not above 0; repair the header")
+    return reader
 
 
 def _blocks(reader: Any) -> Iterator[Any]:  # noqa: ANN401 - of laspy
@@ -100,6 +102,8 @@ def _choose_grid(motions: Sequence[Motion], headers: Sequence[Any]) -> tuple[Flo
     for motion, header in zip(motions, headers, strict=True):
         if header.point_count:
             box = np.array([header.mins, header.maxs])
+            if not (np.abs(box - header.offsets) <= 2.0**32 * header.scales).all() or (box[0] > box[1]).any():
+                raise InputError(f"its box, {box[0]} to {box[1]}, has no points; repair the header")
             ends.append(apply(motion.matrix, np.stack(np.meshgrid(*box.T), axis=-1).reshape(-1, 3)))
             sizes.append(motion.scale * float(np.linalg.norm(box[1] - box[0])) or math.inf)
             finest.append(motion.scale * float(np.min(header.scales)))
@@ -190,18 +194,19 @@ def _write_scans(files: Sequence[Path], motions: Sequence[Motion], out: Path) ->
 
     def scans() -> Iterator[Scan]:
         for file, motion in zip(files, motions, strict=True):
-            is_las = file.suffix.lower() in _LAS
-            lost = [name for name in unkept_attributes(file) if not (is_las and name == "intensity")]
-            motion.notes.extend(f"{name}: not kept" for name in lost)
-            if not is_las:
+            if file.suffix.lower() not in _LAS:
+                motion.notes.extend(f"{name}: not kept" for name in unkept_attributes(file))
                 yield scan_of(file.name, read_cloud(file), motion.matrix)
                 continue
-            with _opened(file) as (_, blocks):
-                factor = 257 if any(_colors_of(points).max(initial=0) > 255 for points in blocks) else 1
+            header, _, blocks = _open(file)
+            factor = 257 if any(_colors_of(points).max(initial=0) > 255 for points in blocks) else 1
+            lost = [name for name in unkept_attributes(file) if name != "intensity"]
+            lost += [*header.point_format.extra_dimension_names]
+            lost += ["coordinate system"] if _projection(header) else []
+            motion.notes.extend(f"{name}: not kept" for name in lost)
             motion.notes.extend(["colors: rounded to 8 bits"] * (factor > 1))
-            with _opened(file) as (header, blocks):
-                columns = partial(_columns, factor=factor)
-                yield file.name, motion.matrix, header.point_count, map(columns, blocks)
+            blocks = map(partial(_columns, factor=factor), _open(file)[2])
+            yield file.name, motion.matrix, header.point_count, blocks
 
     write_stream(out, partial(write_e57, scans=scans()))
 
@@ -222,10 +227,9 @@ def _colors_of(points: Any) -> NDArray[np.uint16]:  # noqa: ANN401 - of laspy
 def _write_joined(files: Sequence[Path], motions: Sequence[Motion], out: Path) -> None:
     headers: list[Any] = []
     for file, motion in zip(files, motions, strict=True):
-        with _opened(file) as (header, _):
-            headers.append(header)
-        if file.suffix.lower() not in _LAS:
-            motion.notes.extend(f"{name}: not kept" for name in unkept_attributes(file))
+        header, lost, _ = _open(file)
+        headers.append(header)
+        motion.notes.extend(f"{name}: not kept" for name in lost)
     joined = _join(files, headers, motions)
 
     def write(stream: BinaryIO) -> None:
@@ -234,20 +238,25 @@ def _write_joined(files: Sequence[Path], motions: Sequence[Motion], out: Path) -
         is_packed = out.suffix.lower() == ".laz"
         with LasWriter(stream, joined, do_compress=is_packed, closefd=False) as writer:
             for number, (file, motion) in enumerate(zip(files, motions, strict=True), 1):
-                with _opened(file) as (_, blocks):
-                    for points in blocks:
-                        writer.write_points(_convert(points, joined, motion, number))
+                for points in _open(file)[2]:
+                    writer.write_points(_convert(points, joined, motion, number))
 
     write_stream(out, write)
 
 
-@contextmanager
-def _opened(path: Path) -> Generator[tuple[Any, Iterable[Any]], None, None]:
-    """Open a file; yield its header and blocks of its points, as laspy has them."""
+def _open(path: Path) -> tuple[Any, list[str], Iterator[Any]]:
+    """Return the header of a file and blocks of its points, as laspy has them, and what these do not have."""
+    parts = _parts(path)  # a generator: the errors of writing its blocks are not those of this file
+    return next(parts), next(parts), parts
+
+
+def _parts(path: Path) -> Iterator[Any]:
     with faults_of(path, "las"):
         if path.suffix.lower() in _LAS:
             with open_input(path) as source, _open_las(source) as reader:
-                yield reader.header, _blocks(reader)
+                yield reader.header
+                yield []
+                yield from _blocks(reader)
             return
         import laspy  # noqa: PLC0415 - slow to load, optional
 
@@ -261,7 +270,10 @@ def _opened(path: Path) -> Generator[tuple[Any, Iterable[Any]], None, None]:
         if cloud.colors is not None:
             made.red, made.green, made.blue = (257 * cloud.colors.T.astype(np.uint16)).tolist()
         made.update_header()
-        yield made.header, [made.points]
+        yield made.header
+        there = [name for name in ("normals", "faces") if getattr(cloud, name) is not None]
+        yield [*there, *unkept_attributes(path)]
+        yield made.points
 
 
 def _join(files: Sequence[Path], headers: Sequence[Any], motions: Sequence[Motion]) -> Any:  # noqa: ANN401 - of laspy

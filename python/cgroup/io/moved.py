@@ -10,7 +10,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO, TypeAlias
-from urllib.parse import unquote
+from urllib.parse import quote, unquote
 from xml.dom import minidom
 
 import numpy as np
@@ -74,7 +74,7 @@ def transform_file(
     path, out = as_path("path", path), as_path("out", out)
     check_movable(path)
     factor, kind = as_length("scale", scale), out.suffix.lower()
-    motion = Motion(check_rigid(pose, "pose") @ scaling(factor), factor)
+    motion = Motion(check_rigid(pose, "pose") @ scaling(factor), factor, out.stem)
     if kind != path.suffix.lower() and {kind, path.suffix.lower()} != {".las", ".laz"}:
         raise InputError("out", str(out), f"the format stays: give a name that ends in {path.suffix}")
     check_outputs([out], [path])
@@ -91,6 +91,8 @@ def transform_file(
 def check_movable(path: Path) -> None:
     """Raise `InputError` for a file of an unknown format, or without the library that it needs."""
     check_laspy([path])
+    if path.stem == "points3D" and path.suffix.lower() in (".bin", ".txt"):
+        raise InputError(f"{path}: a part of a COLMAP model; move all of it by io.read_colmap")
     if path.suffix.lower() not in _MOVERS:
         raise InputError(
             f"{path}: {path.suffix!r} files are not moved; known are {' '.join(sorted(_MOVERS))}"
@@ -105,6 +107,8 @@ def _move_e57(motion: Motion, source: BinaryIO, out: BinaryIO) -> None:
     text = e57.description(pages)
     e57.parse_xml(text)  # refuses entities
     tree = minidom.parseString(text)  # noqa: S318
+    if getattr(tree.documentElement, "prefix", None):
+        raise InputError("its elements have a prefix; write it anew, as by io.merge_files")
     groups = [*tree.getElementsByTagName("data3D"), *tree.getElementsByTagName("images2D")]
     for scan in (one for group in groups for one in group.childNodes if one.nodeType == one.ELEMENT_NODE):
         _move_pose(motion, scan)
@@ -135,7 +139,7 @@ def _move_gltf(motion: Motion, source: BinaryIO, out: BinaryIO) -> None:
     head = source.read(20)
     if not head.startswith(b"glTF"):
         document = load_json(head + source.read())
-        _copy_beside(document, Path(source.name).parent, Path(out.name).parent)
+        _copy_beside(document, Path(source.name).parent, Path(out.name).parent, motion.stem)
         out.write(_add_roots(motion, document))
         return
     magic, version, length, size, kind = struct.unpack("<4sIIII", head)
@@ -147,16 +151,17 @@ def _move_gltf(motion: Motion, source: BinaryIO, out: BinaryIO) -> None:
     shutil.copyfileobj(source, out)
 
 
-def _copy_beside(document: Any, folder: Path, to: Path) -> None:  # noqa: ANN401 - of JSON
-    """Copy buffers and pictures in other files of a folder."""
-    uris = [one.get("uri", "data:") for key in ("buffers", "images") for one in document.get(key, [])]
-    for name in (unquote(uri) for uri in uris if not uri.startswith("data:")):
-        if folder.resolve() == to.resolve():
-            continue
+def _copy_beside(document: Any, folder: Path, to: Path, stem: str) -> None:  # noqa: ANN401 - of JSON
+    """Copy buffers and pictures in other files of a folder; their names begin with that of the document."""
+    parts = [one for key in ("buffers", "images") for one in document.get(key, [])]
+    parts = [one for one in parts if not one.get("uri", "data:").startswith("data:")]
+    for part in parts if folder.resolve() != to.resolve() else ():
+        name = unquote(part["uri"])
         if name != Path(name).name or set(name) & set("/\\:"):
             raise InputError(f"its file {name!r} is not beside it; put it there, or write GLB")
+        part["uri"] = quote(f"{stem}_{name}")
         with open_input(folder / name) as file:
-            write_stream(to / name, partial(shutil.copyfileobj, file))
+            write_stream(to / f"{stem}_{name}", partial(shutil.copyfileobj, file))
 
 
 def _add_roots(motion: Motion, document: Any) -> bytes:  # noqa: ANN401 - of JSON

@@ -55,6 +55,8 @@ def _parse(content: bytes) -> dict[str, FloatArray]:
         rows[first] = []
     # One text, whose lines are those of the file, so that all numbers are written alike
     points = load_numbers("\n".join(";".join(row[1:4]) for row in rows).encode())
+    if points.shape[1] != len("xyz"):
+        raise InputError("its coordinates have blanks; write numbers without groups of digits")
     numbered = [(at, row[0]) for at, row in enumerate(rows, 1) if row]
     found: dict[str, FloatArray] = {}
     for (at, name), point in zip(numbered, points, strict=True):

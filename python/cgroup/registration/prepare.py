@@ -39,7 +39,6 @@ VOXELS = 5000  # voxels that a cloud is thinned to, about
 LEAST_VOXELS = 100  # voxels below which unrelated clouds fit each other too well by chance
 MOST_VOXELS = 100_000  # voxels beyond which matching each with all others takes more than some 20 seconds
 FEW_VOXELS = 20  # voxels below which a cloud is no surface
-FEW_POINTS = 300  # points of a cloud below which it is small
 NORMAL_NEIGHBORS = 30  # most neighbours of a voxel's plane
 PREPARED = 1  # row of the prepared voxel among those of a search
 # Spacings of the surfaces for the last refinement, in voxels: the first at which both clouds have planes

@@ -23,7 +23,6 @@ from cgroup.types import AnyCloud, Correspondences, FloatArray, Grouping, PointC
 from cgroup.types.point_cloud import as_cloud, join_clouds
 
 SEARCH = "search"  # the stage that the core divides further
-_UNKNOWN = np.full((6, 6), np.nan)
 # Red, green and blue of source and target, if the clouds have no colours
 SCAN_COLORS = (230, 159, 0), (0, 114, 178)
 

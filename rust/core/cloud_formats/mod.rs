@@ -38,6 +38,7 @@ pub mod ply;
 pub mod pts;
 pub mod ptx;
 mod repeats;
+pub mod rows;
 mod scalar;
 pub mod stl;
 pub mod table;

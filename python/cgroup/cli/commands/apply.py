@@ -48,7 +48,7 @@ def apply_command(
     files = find_clouds("FILE", files)
     poses = _poses_of(pose, files)
     names = name_moved(files)
-    results = Results(out, f"apply {pose}")
+    results = Results(out, f"apply {' '.join(names)}")
     results.check([out / name for name in names], [*files, pose])
     moved: list[Document] = []
     with show_stages(piped=True) as begin, results.writing() as written:
