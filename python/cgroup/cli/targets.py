@@ -74,7 +74,7 @@ def fit_files(files: tuple[Path, Path], sigma: float | None) -> tuple[list[Docum
 def print_targets(found: Document) -> None:
     """Print the facts of a fit, and its targets."""
     print_facts(*_facts(found))
-    print_table(_HEAD, _rows(found), words=(0, 6))
+    print_table(_HEAD, _rows(found), words=(0, 6), wide=True)
 
 
 def refuse_targets(found: Document) -> str | None:

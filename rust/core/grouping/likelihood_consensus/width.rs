@@ -5,6 +5,9 @@
 //! estimated by expectation maximization, and the window moves with it. The prior of the radius is two of the
 //! tolerances that suit the spacing of the matches, and weighs as 30 correct matches.
 //!
+//! Without a resolution, the radius is at least the one that suits the noise: if correct matches are further from
+//! their places than matches from each other, the window holds too few of them.
+//!
 //! The radius of a given resolution stays if the estimate is between 0.4 and 2.5 of it. If the estimate is
 //! greater, the radius is the geometric mean of both, at least the one that suits the noise. If it is less,
 //! the radius is the geometric mean of both, or the estimate alone below a quarter.
@@ -40,7 +43,7 @@ const COUNTS: f64 = 0.25;
 /// radius of a given resolution and the one that suits the noise.
 pub fn radius(squares: &[f64], likely_tolerance: f64, given: Option<f64>, by_noise: f64) -> Result<f64> {
     let estimate = estimate(squares, TOLERANCES * likely_tolerance)?;
-    let Some(given) = given else { return Ok(estimate) };
+    let Some(given) = given else { return Ok(estimate.max(by_noise)) };
     let factor = estimate / given;
     let mean = (given * estimate).sqrt();
     Ok(if (STAYS.0 < factor && factor < STAYS.1) || !(mean > 0.0 && mean.is_finite()) {
@@ -113,6 +116,7 @@ mod tests {
         for sigma in [0.5, 1.0, 2.0] {
             let found = radius(&squares(3_000, sigma, 300, 20.0), 1.0, None, 0.0)?;
             assert!((found / (2.0 * sigma) - 1.0).abs() < 0.2, "{sigma} {found}");
+            assert!((radius(&squares(3_000, sigma, 300, 20.0), 1.0, None, 9.0)? - 9.0).abs() < 1e-12);
         }
         for residuals in [Vec::new(), vec![0.0; 5]] {
             assert!((radius(&residuals, 1.0, None, 0.0)? - 2.0).abs() < 1e-12);
