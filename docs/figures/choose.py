@@ -61,7 +61,7 @@ REGISTRATION = (
 )
 PEERS_CASES = {"peers-5000": (5000, (0.03, 0.1)), "peers-100000": (100_000, (0.1,))}
 MATCHES = {
-    "generated": ("size", "noise", "kinds of wrong matches", "frames"),
+    "generated": ("size", "noise", "kinds of wrong matches", "frames", "100,000 matches"),
     "fpfh": (
         *(f"range views, {kind}" for kind in ("nearest", "mutual", "three nearest")),
         *("rooms, nearest", "rooms, mutual", "LiDAR, nearest"),
