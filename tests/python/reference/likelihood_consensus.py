@@ -60,7 +60,7 @@ is no greater than that of the 2 next ones on both sides. For each, the pose is 
 The radius of the group: of the residuals below W = 3.4 sigma the right ones have density r / sigma^2 exp(-r^2 / (2 sigma^2)), the others 2 r / W^2. 12 rounds of
 expectation maximization from the share 1/2 (in each, sigma is estimated and the share is (m + 1) / (n + 2), m the sum of the weights, n the number below W) give sigma' and m; the next sigma is the geometric
 mean of sigma' with weight m and sigma_0 with weight 30, at most 1.3 times the last or its inverse; 12 times. sigma_0 is 0.8 of the mean distance of nearest points above (of at most 1,000 points); sigma
-starts there, or where W holds 6 residuals, and stays within a factor of 3 of it. The radius R = 2 sigma is at least the noise / 0.54 without pr; else it yields to 5 pr if it is between 0.4 and 2.5 times that, else
+starts there, or where W holds 6 residuals, and stays within a factor of 3 of it. The radius R = 2 sigma, at least the noise / 0.54 (or 5 pr if less), yields to 5 pr if it is between 0.4 and 2.5 times that, else
 to the geometric mean of both, at least the noise / 0.54 where R is greater; R alone where it is less than a quarter. From then on u = R / 5, with the levels of before. The best pose is that of the noise where this is below 2.7 u and the false alarms are below 0.01,
 else it is refined from what it was by 6 rounds of 2.7 u.
 
@@ -584,9 +584,10 @@ def group_radius(residuals: FloatArray, resolution: float | None, likely: float,
             break
         mean = np.exp((count * np.log(own) + 30.0 * np.log(prior)) / (count + 30.0))
         sigma = float(np.clip(mean, sigma / 1.3, sigma * 1.3))
-    radius = 2.0 * float(np.clip(sigma, prior / 3.0, 3.0 * prior))
+    least = noise / 0.54 if resolution is None else min(noise / 0.54, 5.0 * resolution)
+    radius = max(2.0 * float(np.clip(sigma, prior / 3.0, 3.0 * prior)), least)
     if resolution is None:
-        return max(radius, noise / 0.54)
+        return radius
     given = 5.0 * resolution
     if 0.4 < radius / given < 2.5:
         return given

@@ -5,8 +5,8 @@
 //! estimated by expectation maximization, and the window moves with it. The prior of the radius is two of the
 //! tolerances that suit the spacing of the matches, and weighs as 30 correct matches.
 //!
-//! Without a resolution, the radius is at least the one that suits the noise: if correct matches are further from
-//! their places than matches from each other, the window holds too few of them.
+//! The estimate is at least the radius that suits the noise, or that of a given resolution if less: if correct
+//! matches are further from their places than matches from each other, the window holds too few of them.
 //!
 //! The radius of a given resolution stays if the estimate is between 0.4 and 2.5 of it. If the estimate is
 //! greater, the radius is the geometric mean of both, at least the one that suits the noise. If it is less,
@@ -42,8 +42,9 @@ const COUNTS: f64 = 0.25;
 /// The group's radius by the squared residuals, from the tolerance that suits the spacing of matches, the
 /// radius of a given resolution and the one that suits the noise.
 pub fn radius(squares: &[f64], likely_tolerance: f64, given: Option<f64>, by_noise: f64) -> Result<f64> {
-    let estimate = estimate(squares, TOLERANCES * likely_tolerance)?;
-    let Some(given) = given else { return Ok(estimate.max(by_noise)) };
+    let least = by_noise.min(given.unwrap_or(f64::INFINITY));
+    let estimate = estimate(squares, TOLERANCES * likely_tolerance)?.max(least);
+    let Some(given) = given else { return Ok(estimate) };
     let factor = estimate / given;
     let mean = (given * estimate).sqrt();
     Ok(if (STAYS.0 < factor && factor < STAYS.1) || !(mean > 0.0 && mean.is_finite()) {
@@ -131,6 +132,7 @@ mod tests {
         let cases = [
             (2.4, 0.0, 2.4),
             (0.6, 9.0, 0.6),
+            (9.0, 3.0, 27.0_f64.sqrt()),
             (3.0, 0.0, 3.0_f64.sqrt()),
             (0.3, 0.0, 0.3_f64.sqrt()),
             (0.3, 0.8, 0.8),
