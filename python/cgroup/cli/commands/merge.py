@@ -159,7 +159,7 @@ def merge_command(
 
     Writes the poses, the graph of edges, the merged cloud and a picture of each component of at least two
     scans: poses.tum, graph.g2o, merged.ply, scene.png; of a second component poses_2.tum and so on. --full
-    adds merged.laz, where point_source_id is the scan's row in poses.tum plus 1. --e57 adds merged.e57, with
+    adds merged.laz, where point_source_id numbers the scans of poses.tum from 1. --e57 adds merged.e57, with
     a scan and its pose for each file. --write-scans adds moved/, with the files of connected scans in the
     frame of their component, as cgroup apply has them. Finished pairs are kept in pairs.sqlite, from which a
     killed run continues.
