@@ -253,11 +253,11 @@ impl TextRows {
     }
 }
 
-/// The separator and the words of a line of columns.
+/// The separator and the words of a line of columns, and whether it is a comment.
 #[pyfunction]
-pub fn columns_of(line: &[u8]) -> PyResult<(String, Vec<String>)> {
-    let (separator, words) = checked(rows::columns_of(line))?;
-    Ok((separator.map(char::from).into_iter().collect(), words))
+pub fn columns_of(line: &[u8]) -> PyResult<(String, Vec<String>, bool)> {
+    let (separator, words, is_comment) = checked(rows::columns_of(line))?;
+    Ok((separator.map(char::from).into_iter().collect(), words, is_comment))
 }
 
 /// Writes E57; the bytes of a file are returned as they are complete.

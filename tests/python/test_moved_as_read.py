@@ -176,6 +176,8 @@ def test_las_with_a_wrong_box_is_refused(most: float, tmp_path: Path) -> None:
     (tmp_path / "b.las").write_bytes(content)
     with pytest.raises(InputError, match="repair the header"):
         transform_file(tmp_path / "b.las", POSE, tmp_path / "c.las")
+    with pytest.raises(InputError, match=r"b\.las: its box, .* repair the header"):
+        merge_files([tmp_path / "a.las", tmp_path / "b.las"], [POSE] * 2, tmp_path / "c.laz")
 
 
 @pytest.mark.parametrize("scale", [0.0, -0.001, np.nan, np.inf])

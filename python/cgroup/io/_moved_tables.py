@@ -29,7 +29,6 @@ _Header: TypeAlias = Callable[[Sequence[str]], bytes]  # by the names of fields 
 _CHUNK = 16 << 20  # bytes of records that are moved at a time
 _LINES = 1 << 14  # moved at a time
 _LONGEST_LINE = 1 << 20  # of a header
-_COMMENTS = (b"#", b"//")
 _WORDS = ("char", "short", "int", "uchar", "ushort", "uint", "float", "double")
 _KINDS = ("i1", "i2", "i4", "u1", "u2", "u4", "f4", "f8")
 _SIZES = dict(zip(_WORDS, _KINDS, strict=True)) | {
@@ -286,18 +285,18 @@ def move_text(motion: Motion, source: BinaryIO, out: BinaryIO, *, more: Sequence
         source.seek(0)
     names, first, separator, is_sure, odd = list[str](), b"", "", False, b""
     for line in source:
-        separator, words = _core.columns_of(line)
+        separator, words, is_comment = _core.columns_of(line)
         text = line.strip()
         if {*XYZ} <= {*map(str.lower, words)}:
-            names, is_sure = [*map(str.lower, words)], not text.startswith(_COMMENTS)
-        elif words and not text.startswith(_COMMENTS):
+            names, is_sure = [*map(str.lower, words)], not is_comment
+        elif words and not is_comment:
             first, is_sure = line, is_sure or len(names) == len(words)
             if not is_sure:
                 names = [*XYZ, *more]
                 if len(words) > len(names):
                     motion.notes.append("columns without names: not moved, except x y z")
             break
-        elif text and not text.isdigit() and not text.startswith(_COMMENTS):
+        elif text and not text.isdigit() and not is_comment:
             odd = odd or text
         out.write(line)
     if odd and not first:

@@ -19,7 +19,6 @@ _WITHOUT_TIME, _WITH_NEAR_INFRARED, _WITH_WAVES = {0, 2}, {8, 10}, {4, 5, 9, 10}
 # Columns that are read if no line has names; those of PTS depend on their number
 TEXTS = {".xyz": 3, ".asc": 3, ".txt": 3, ".csv": 3, ".xyzn": 6, ".xyzrgb": 6, ".pts": 3}
 
-_COMMENTS = (b"#", b"//")
 _FIXED = {
     ".bin": ("reflectance",),
     ".ptx": ("intensity",),
@@ -67,7 +66,7 @@ def _unread_columns(head: bytes, suffix: str) -> list[str]:
     """Return the unread columns of a text: their names if a line has names, else their numbers."""
     names, count = list[str](), 0
     for line in head.splitlines():
-        words, is_comment = _core.columns_of(line)[1], line.lstrip().startswith(_COMMENTS)
+        _, words, is_comment = _core.columns_of(line)
         has_axes = {"x", "y", "z"} <= {word.lower() for word in words}
         if has_axes and not is_comment:
             return [name for name in words if name.lower() not in _KEPT]

@@ -96,14 +96,16 @@ def _drop_index(records: Any, motion: Motion) -> None:  # noqa: ANN401 - of lasp
         motion.notes.append("the index of COPC: not kept; write it again, as with untwine")
 
 
-def _choose_grid(motions: Sequence[Motion], headers: Sequence[Any]) -> tuple[FloatArray, FloatArray]:
+def _choose_grid(
+    motions: Sequence[Motion], headers: Sequence[Any], names: Sequence[str] = ("",)
+) -> tuple[FloatArray, FloatArray]:
     """Return scales and offsets: as fine as before, and at most a millionth of a file's extent."""
     ends, sizes, finest = [], [], []
-    for motion, header in zip(motions, headers, strict=True):
+    for motion, header, name in zip(motions, headers, names, strict=True):
         if header.point_count:
             box = np.array([header.mins, header.maxs])
             if not (np.abs(box - header.offsets) <= 2.0**32 * header.scales).all() or (box[0] > box[1]).any():
-                raise InputError(f"its box, {box[0]} to {box[1]}, has no points; repair the header")
+                raise InputError(f"{name}its box, {box[0]} to {box[1]}, has no points; repair the header")
             ends.append(apply(motion.matrix, np.stack(np.meshgrid(*box.T), axis=-1).reshape(-1, 3)))
             sizes.append(motion.scale * float(np.linalg.norm(box[1] - box[0])) or math.inf)
             finest.append(motion.scale * float(np.min(header.scales)))
@@ -201,7 +203,7 @@ def _write_scans(files: Sequence[Path], motions: Sequence[Motion], out: Path) ->
             header, _, blocks = _open(file)
             factor = 257 if any(_colors_of(points).max(initial=0) > 255 for points in blocks) else 1
             lost = [name for name in unkept_attributes(file) if name != "intensity"]
-            lost += [*header.point_format.extra_dimension_names]
+            lost += header.point_format.extra_dimension_names
             lost += ["coordinate system"] if _projection(header) else []
             motion.notes.extend(f"{name}: not kept" for name in lost)
             motion.notes.extend(["colors: rounded to 8 bits"] * (factor > 1))
@@ -304,7 +306,7 @@ def _join(files: Sequence[Path], headers: Sequence[Any], motions: Sequence[Motio
     _drop_index(joined.vlrs, motions[0])
     joined.evlrs, minor = None, max(2, *(header.version.minor for header in headers), 4 * (number > 5))
     joined.set_version_and_point_format(laspy.header.Version(1, minor), whole)
-    joined.scales, joined.offsets = _choose_grid(motions, headers)
+    joined.scales, joined.offsets = _choose_grid(motions, headers, [f"{file}: " for file in files])
     return joined
 
 

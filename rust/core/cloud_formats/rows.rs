@@ -95,16 +95,17 @@ impl Rows {
     }
 }
 
-/// The separator and the words of a line, without the mark of a comment: of the first separator that gives
-/// columns x, y and z, or three numbers, also with decimal commas. Words are without quotes; none if no separator
-/// does.
+/// The separator and the words of a line, and whether it is a comment, whose mark is left out: of the first
+/// separator that gives columns x, y and z, or three numbers, also with decimal commas. Words are without quotes;
+/// none if no separator does.
 ///
 /// # Errors
 /// [`Error::OutOfMemory`].
-pub fn columns_of(line: &[u8]) -> Result<(Option<u8>, Vec<String>)> {
+pub fn columns_of(line: &[u8]) -> Result<(Option<u8>, Vec<String>, bool)> {
     let line = line.trim_ascii_start();
+    let is_comment = COMMENTS.iter().any(|comment| line.starts_with(comment));
     let marks = line.iter().take_while(|byte| b"#/ ".contains(byte)).count();
-    let line = if is_ignored(line) { &line[marks..] } else { line };
+    let line = if is_comment { &line[marks..] } else { line };
     let mut cells = Vec::new();
     for separator in SEPARATORS {
         split(line, separator, &mut cells)?;
@@ -117,10 +118,10 @@ pub fn columns_of(line: &[u8]) -> Result<(Option<u8>, Vec<String>)> {
             split(line, None, &mut cells)?;
             // White space around tabs may differ between lines.
             let is_blank = separator == Some(b'\t') && cells.len() == words.len();
-            return Ok((separator.filter(|_| !is_blank), words));
+            return Ok((separator.filter(|_| !is_blank), words, is_comment));
         }
     }
-    Ok((None, Vec::new()))
+    Ok((None, Vec::new(), is_comment))
 }
 
 /// Whether a line is blank or a comment.
@@ -245,7 +246,8 @@ mod tests {
             ("", None, 0),
         ];
         for (line, separator, count) in cases {
-            let (found, words) = columns_of(line.as_bytes())?;
+            let (found, words, is_comment) = columns_of(line.as_bytes())?;
+            assert_eq!(is_comment, line.starts_with('#'));
             assert_eq!((found, words.len()), (separator, count), "{line}");
         }
         assert_eq!(columns_of(b"\xe0 1 2 3")?.1.len(), 4);
