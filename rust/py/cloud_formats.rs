@@ -1,10 +1,10 @@
 //! Parses files of point clouds, and tables of numbers, from bytes to arrays; and writes clouds.
 
 use std::collections::BTreeMap;
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 
 use cgroup::cloud_formats::encode::{self, Precision};
-use cgroup::cloud_formats::{CloudContent, PARSERS, e57, gltf, lzf, rows, table};
+use cgroup::cloud_formats::{CloudContent, PARSERS, colmap, e57, gltf, lzf, rows, table};
 use cgroup::{Error, Execution, memory};
 use numpy::{
     Element, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArrayDyn,
@@ -14,7 +14,7 @@ use pyo3::prelude::*;
 use pyo3::pybacked::PyBackedBytes;
 use pyo3::types::PyBytes;
 
-use crate::convert::{checked, choose};
+use crate::convert::{array, checked, choose};
 use crate::run::{RunOptions, run, run_inline};
 
 /// Bytes parsed within a millisecond.
@@ -154,17 +154,24 @@ fn py_column(py: Python<'_>, column: e57::Column) -> PyColumn<'_> {
     }
 }
 
-/// Parses on another thread, unless handing over takes longer than parsing.
+/// Parses a content.
 fn parse_with<T: Send + 'static>(
     py: Python<'_>,
     content: PyBackedBytes,
     run_options: &RunOptions,
     parse: fn(&[u8], &Execution) -> Result<T, Error>,
 ) -> PyResult<T> {
-    if content.len() <= SMALL {
-        return run_inline(py, |execution| parse(&content, execution));
-    }
-    run(py, run_options, move |execution| parse(&content, execution))
+    run_sized(py, content.len(), run_options, move |execution| parse(&content, execution))
+}
+
+/// Works on some bytes on another thread, unless handing over takes longer than the work.
+fn run_sized<T: Send + 'static>(
+    py: Python<'_>,
+    bytes: usize,
+    run_options: &RunOptions,
+    work: impl FnOnce(&Execution) -> Result<T, Error> + Send + 'static,
+) -> PyResult<T> {
+    if bytes <= SMALL { run_inline(py, work) } else { run(py, run_options, work) }
 }
 
 /// An array (N,3), without a copy.
@@ -258,6 +265,53 @@ impl TextRows {
 pub fn columns_of(line: &[u8]) -> PyResult<(String, Vec<String>, bool)> {
     let (separator, words, is_comment) = checked(rows::columns_of(line))?;
     Ok((separator.map(char::from).into_iter().collect(), words, is_comment))
+}
+
+/// A file of a COLMAP model: its content, and the rows of numbers in it.
+#[pyclass(frozen, module = "cgroup._core")]
+pub struct ColmapFile {
+    name: String,
+    core: Arc<colmap::File<PyBackedBytes>>,
+}
+
+#[pymethods]
+impl ColmapFile {
+    #[new]
+    fn new(py: Python<'_>, name: String, content: PyBackedBytes) -> PyResult<Self> {
+        let (of, bytes) = (name.clone(), content.len());
+        let find = move |execution: &Execution| colmap::File::new(&of, content, execution);
+        Ok(Self { core: Arc::new(run_sized(py, bytes, &RunOptions::single(), find)?), name })
+    }
+
+    /// Arguments that make an equal object, for `pickle`.
+    fn __getnewargs__(&self, py: Python<'_>) -> (&str, PyBackedBytes) {
+        (&self.name, self.content(py))
+    }
+
+    fn content(&self, py: Python<'_>) -> PyBackedBytes {
+        self.core.content().clone_ref(py)
+    }
+
+    /// The rows of numbers, (n,7).
+    fn numbers<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let rows = self.core.rows();
+        array(py, rows.as_flattened().iter().copied())?.reshape([rows.len(), colmap::WIDTH])
+    }
+
+    /// The names of images; invalid UTF-8 is replaced.
+    fn image_names(&self) -> PyResult<Vec<String>> {
+        checked(self.core.image_names())
+    }
+
+    /// The file with other positions (n,3), or poses (n,7).
+    fn replaced<'py>(&self, py: Python<'py>, numbers: PyReadonlyArray2<'py, f64>) -> PyResult<Self> {
+        let numbers = checked(memory::collect(numbers.as_array().iter().copied()))?;
+        let (core, bytes) = (Arc::clone(&self.core), self.core.content().len());
+        let replace = move |execution: &Execution| core.replaced(&numbers, execution);
+        let changed = run_sized(py, bytes, &RunOptions::single(), replace)?;
+        let core = Arc::new(changed.map(|content| PyBytes::new(py, &content).into()));
+        Ok(Self { name: self.name.clone(), core })
+    }
 }
 
 /// Writes E57; the bytes of a file are returned as they are complete.

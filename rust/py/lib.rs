@@ -31,8 +31,8 @@ mod _core {
     use super::cloud::Cloud;
     #[pymodule_export]
     use super::cloud_formats::{
-        E57Writer, TextRows, columns_of, decompress_lzf, encode_cloud, gltf_files, parse_cloud, parse_gltf,
-        parse_table, seal_pages, unpack_e57, wrong_page,
+        ColmapFile, E57Writer, TextRows, columns_of, decompress_lzf, encode_cloud, gltf_files, parse_cloud,
+        parse_gltf, parse_table, seal_pages, unpack_e57, wrong_page,
     };
     #[pymodule_export]
     use super::features::{

@@ -4,6 +4,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use cgroup::execution::DEFAULT_MAX_MEMORY;
 use cgroup::{Error, Execution};
 use pyo3::prelude::*;
 use rayon::ThreadPoolBuildError;
@@ -21,6 +22,11 @@ pub struct RunOptions {
 }
 
 impl RunOptions {
+    /// One thread, without reports of progress.
+    pub fn single() -> Self {
+        Self { threads: Some(1), max_memory: DEFAULT_MAX_MEMORY, progress: None, max_seconds: None }
+    }
+
     /// Time at which a search that supports it has to end early; `None` if never.
     fn deadline(&self) -> Option<Instant> {
         Instant::now().checked_add(Duration::try_from_secs_f64(self.max_seconds?).ok()?)

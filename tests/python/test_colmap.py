@@ -150,6 +150,18 @@ def others(part: str, line: bytes) -> list[bytes]:
     return words[:1] + words[8:] if is_pose else words[:1] + words[4:] if part == "points3D" else words
 
 
+def test_line_ends_stay(tmp_path: Path) -> None:
+    folder = write_model(tmp_path / "sparse", make_views(), "txt")
+    write_colmap(tmp_path / "moved", read_colmap(folder).transformed(POSE, 2.5))
+    for part in PARTS:
+        path = folder / f"{part}.txt"
+        path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
+    write_colmap(tmp_path / "ends", read_colmap(folder).transformed(POSE, 2.5))
+    for part in PARTS:
+        expected = (tmp_path / "moved" / f"{part}.txt").read_bytes().replace(b"\n", b"\r\n")
+        assert (tmp_path / "ends" / f"{part}.txt").read_bytes() == expected
+
+
 @KINDS
 def test_as_pycolmap_moves_it(tmp_path: Path, kind: str) -> None:
     pycolmap = pytest.importorskip("pycolmap")

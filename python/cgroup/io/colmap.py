@@ -6,51 +6,23 @@ Of each file the content is kept; a move replaces the numbers of positions and p
 from __future__ import annotations
 
 import os
-import struct
-from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cgroup import _core
 from cgroup._checks.values import as_instance, as_length, as_path
 from cgroup.errors import InputError
-from cgroup.io.files import new_folder, parse_file
+from cgroup.io.files import faults_of, new_folder, parse_file
 from cgroup.io.transforms import from_quaternions
 from cgroup.rigid import apply, check_rigid, invert
 from cgroup.rigid.transforms import quaternions
 from cgroup.types import FloatArray, PointCloud
 
 _NEEDED, _OPTIONAL = ("cameras", "images", "points3D"), ("rigs", "frames")
-_POINT = np.dtype([("xyz", "<f8", 3), ("rgb", "u1", 3), ("error", "<f8")])
-_FIRST = {"points3D": (1, 8), "images": (1, 4), "frames": (2, 8)}  # word and byte of the numbers in a record
-_WIDTH = 7  # numbers of a pose, qw qx qy qz tx ty tz, and of a point, x y z r g b and its error
-
-
-@dataclass(frozen=True)
-class _File:
-    """The content of a file, the line and word (n,2) or byte (n,) of each row of numbers, and these."""
-
-    content: bytes
-    places: NDArray[np.int64]
-    numbers: FloatArray
-
-    def filled(self, numbers: FloatArray) -> _File:
-        """Replace the first columns."""
-        changed = np.concatenate([numbers, self.numbers[:, numbers.shape[1] :]], axis=1)
-        if self.places.ndim == 1:
-            content = bytearray(self.content)
-            kind = np.dtype([("numbers", "<f8", numbers.shape[1:])])
-            _records(content, kind)["numbers"][self.places] = numbers
-            return replace(self, content=bytes(content), numbers=changed)
-        lines = self.content.split(b"\n")
-        for (row, first), values in zip(self.places.tolist(), numbers.tolist(), strict=True):
-            words = lines[row].split(None, first + len(values))
-            words[first : first + len(values)] = (repr(value).encode() for value in values)
-            lines[row] = b" ".join(words)
-        return replace(self, content=b"\n".join(lines), numbers=changed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +48,7 @@ class ColmapModel:
     errors: FloatArray
     image_names: tuple[str, ...]
     T_camera_world: FloatArray
-    _files: dict[str, _File] = field(repr=False)
+    _files: dict[str, _core.ColmapFile] = field(repr=False)
 
     def transformed(self, pose: ArrayLike, scale: float = 1.0) -> ColmapModel:
         """Move the model by a similarity: p' = scale R p + t.
@@ -95,18 +67,17 @@ class ColmapModel:
             points, is unchanged to the bit.
         """
         matrix, scale = check_rigid(pose, "pose"), as_length("scale", scale)
-        files = dict(self._files)
+        files = {}
         for name, file in self._files.items():
-            part, numbers = name.partition(".")[0], file.numbers.copy()
-            if part == "points3D":
-                files[name] = file.filled(apply(matrix, scale * numbers[:, :3]))
-            elif part != "cameras":
+            numbers = file.numbers()
+            if name.startswith("points3D"):
+                numbers = apply(matrix, scale * numbers[:, :3])
+            else:
                 numbers[:, 4:] *= scale
-                if part != "rigs":  # poses of sensors in their rig
-                    moved = _poses(numbers) @ invert(matrix)
-                    numbers[:, :4] = quaternions(moved[:, :3, :3])[:, [3, 0, 1, 2]]
-                    numbers[:, 4:] = moved[:, :3, 3]
-                files[name] = file.filled(numbers)
+            if name.startswith(("images", "frames")):  # those of rigs are poses of sensors in their rig
+                moved = _poses(numbers) @ invert(matrix)
+                numbers = np.hstack([quaternions(moved[:, :3, :3])[:, [3, 0, 1, 2]], moved[:, :3, 3]])
+            files[name] = file.replaced(numbers)
         return _model(files)
 
 
@@ -138,9 +109,7 @@ def read_colmap(folder: str | os.PathLike[str]) -> ColmapModel:
     for suffix in (".bin", ".txt"):
         if all((folder / f"{part}{suffix}").is_file() for part in _NEEDED):
             paths = [folder / f"{part}{suffix}" for part in (*_NEEDED, *_OPTIONAL)]
-            return _model(
-                {path.name: parse_file(path, partial(_parse, path.name)) for path in paths if path.is_file()}
-            )
+            return _model({path.name: _read(path) for path in paths if path.is_file()})
     raise InputError(f"{folder}: no model of COLMAP; it has {', '.join(_NEEDED)} as .bin or as .txt")
 
 
@@ -166,97 +135,30 @@ def write_colmap(folder: str | os.PathLike[str], model: ColmapModel) -> None:
     files = as_instance("model", model, ColmapModel)._files  # noqa: SLF001 # pyright: ignore[reportPrivateUsage]
     with new_folder(as_path("folder", folder)) as made:
         for name, file in files.items():
-            (made / name).write_bytes(file.content)
+            (made / name).write_bytes(file.content())
 
 
 def parse_points(suffix: str, content: bytes) -> PointCloud:
     """Parse points3D.txt or points3D.bin."""
-    numbers = _parse(f"points3D{suffix}", content).numbers
+    numbers = _core.ColmapFile(f"points3D{suffix}", content).numbers()
     return PointCloud(numbers[:, :3], colors=numbers[:, 3:6].astype(np.uint8))
+
+
+def _read(path: Path) -> _core.ColmapFile:
+    """Find the numbers of a file, and check its poses."""
+    file = parse_file(path, partial(_core.ColmapFile, path.name))
+    if path.stem != "points3D":
+        with faults_of(path):
+            _poses(file.numbers())
+    return file
 
 
 def _poses(numbers: FloatArray) -> FloatArray:
     return from_quaternions("poses", numbers[:, [4, 5, 6, 1, 2, 3, 0]])
 
 
-def _model(files: dict[str, _File]) -> ColmapModel:
+def _model(files: dict[str, _core.ColmapFile]) -> ColmapModel:
     _, images, points = (file for name, file in files.items() if name.partition(".")[0] in _NEEDED)
-    if images.places.ndim == 1:
-        starts = (images.places + 60).tolist()  # behind the pose and the camera
-        names = [images.content[at : images.content.index(b"\0", at)] for at in starts]
-    else:
-        lines = images.content.split(b"\n")
-        names = [lines[row].split(None, 9)[9].rstrip() for row in images.places[:, 0].tolist()]
-    words, numbers = tuple(name.decode(errors="replace") for name in names), points.numbers
+    numbers, names = points.numbers(), tuple(images.image_names())
     colors = numbers[:, 3:6].astype(np.uint8)
-    return ColmapModel(numbers[:, :3], colors, numbers[:, 6], words, _poses(images.numbers), files)
-
-
-def _parse(name: str, content: bytes) -> _File:
-    """Find and check the numbers of a file."""
-    part, _, suffix = name.partition(".")
-    places, numbers = np.empty(0, np.int64), np.empty((0, _WIDTH))
-    if part == "cameras":
-        return _File(content, places, numbers)
-    if suffix == "bin":
-        places = np.fromiter(_binary_places(part, content), np.int64)
-        kind = _POINT if part == "points3D" else np.dtype([("pose", "<f8", _WIDTH)])
-        rows = _records(content, kind)[places]
-        numbers = np.column_stack([rows[each] for each in kind.names or ()]).astype(np.float64)
-    else:
-        lines = content.split(b"\n")
-        places = np.array([*_text_places(part, lines)], np.int64).reshape(-1, 2)
-        words = [lines[row].split(None, at + _WIDTH)[at : at + _WIDTH] for row, at in places.tolist()]
-        if part == "images" and any(len(lines[row].split(None, 9)) < 10 for row in places[:, 0]):
-            raise InputError("an image without a name")
-        numbers = np.array(words, np.float64).reshape(len(words), _WIDTH)
-    if part != "points3D":
-        _poses(numbers)
-    elif not ((numbers[:, 3:6] >= 0) & (numbers[:, 3:6] < 256)).all():
-        raise InputError("a colour that is not from 0 to 255")
-    return _File(content, places, numbers)
-
-
-def _records(content: bytes | bytearray, kind: np.dtype[Any]) -> NDArray[Any]:
-    """Return a view of the content as records that begin at each byte."""
-    return np.ndarray(max(len(content) - kind.itemsize + 1, 0), kind, content, strides=(1,))
-
-
-def _binary_places(part: str, content: bytes) -> Iterator[int]:
-    """Yield the byte where the numbers of each record begin; the last record must end the file."""
-    (count,), at = struct.unpack_from("<Q", content), 8
-    for _ in range(count):
-        if part == "rigs":
-            sensors = struct.unpack_from("<4xI", content, at)[0]
-            at += 16 if sensors else 8  # of which the first has no pose
-            for _ in range(1, sensors):
-                if content[at + 8]:
-                    yield at + 9
-                at += 65 if content[at + 8] else 9
-            continue
-        yield at + _FIRST[part][1]
-        if part == "frames":
-            at += 68 + 16 * struct.unpack_from("<I", content, at + 64)[0]
-        else:
-            end = content.index(b"\0", at + 64) + 1 if part == "images" else at + 43
-            at = end + 8 + (24 if part == "images" else 8) * struct.unpack_from("<Q", content, end)[0]
-    if at != len(content):
-        raise InputError(f"{len(content)} bytes, but its records have {at}")
-
-
-def _text_places(part: str, lines: list[bytes]) -> Iterator[tuple[int, int]]:
-    """Yield the line, and the word in it, where the numbers of each record begin."""
-    rows = iter(range(len(lines)))
-    for row in rows:
-        words = lines[row].split(None, -1 if part == "rigs" else 1)
-        if not words or words[0].startswith(b"#"):
-            continue
-        if part in _FIRST:
-            yield row, _FIRST[part][0]
-        if part == "images":
-            next(rows, None)  # its 2D points, if any
-        at = 4
-        while part == "rigs" and at < len(words):
-            if words[at + 2] == b"1":
-                yield row, at + 3
-            at += 10 if words[at + 2] == b"1" else 3
+    return ColmapModel(numbers[:, :3], colors, numbers[:, 6], names, _poses(images.numbers()), files)

@@ -18,9 +18,11 @@
 //! | VTK, the legacy format: ASCII, binary | [`vtk::parse`] |
 //! | KITTI's scans: x y z reflectance in float32 | [`kitti::parse`] |
 //! | glTF 2.0 and GLB: the triangles and points of a scene | [`gltf::parse`] |
+//! | COLMAP: the numbers of a model's files, which can be replaced | [`colmap::File`] |
 //! | E57: only the points of a scan, from a description that the caller has parsed | [`e57::unpack`] |
 
 mod cloud_content;
+pub mod colmap;
 mod columns;
 mod commas;
 pub mod e57;

@@ -85,10 +85,7 @@ impl Rows {
         for (place, of, index) in &self.places {
             memory::extend(&mut out, &self.text[done..place.start])?;
             done = place.end;
-            memory::reserve(&mut out, 32)?;
-            let number = numbers[*of][*index];
-            let written = if number.is_nan() { write!(out, "nan") } else { write!(out, "{number:?}") };
-            written.map_err(|error| Error::invalid("numbers", error, "write fewer"))?;
+            write_number(&mut out, numbers[*of][*index])?;
         }
         memory::extend(&mut out, &self.text[done..])?;
         Ok(out)
@@ -157,8 +154,16 @@ fn split(line: &[u8], separator: Option<u8>, cells: &mut Vec<Range<usize>>) -> R
     }
 }
 
-fn number(cell: &[u8]) -> Option<f64> {
+/// Parses a word as a number.
+pub(super) fn number(cell: &[u8]) -> Option<f64> {
     std::str::from_utf8(cell).ok()?.parse().ok()
+}
+
+/// Appends a number in the shortest notation that is read as the same number.
+pub(super) fn write_number(out: &mut Vec<u8>, number: f64) -> Result<()> {
+    memory::reserve(out, 32)?;
+    let written = if number.is_nan() { write!(out, "nan") } else { write!(out, "{number:?}") };
+    written.map_err(|error| Error::invalid("numbers", error, "write fewer"))
 }
 
 fn no_numbers(line: &[u8]) -> Error {
