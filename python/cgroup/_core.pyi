@@ -66,6 +66,10 @@ _Case: TypeAlias = tuple[
     float, int, float, float, int, float, float
 ]  # score, support, misfit, cells, planes, crossed, chance
 
+_TargetFit: TypeAlias = tuple[
+    FloatArray, FloatArray, FloatArray, FloatArray, BoolArray, BoolArray, float, int
+]  # the first fields of cgroup.targets.TargetFit
+
 _Graph: TypeAlias = tuple[
     RealArray, IndexArray, RealArray, RealArray, RealArray
 ]  # poses, edges, measurements, information, probability
@@ -101,6 +105,7 @@ __all__ = [
     "fill_between_rings",
     "find_outliers",
     "find_scale",
+    "fit_targets",
     "fpfh",
     "gltf_files",
     "group",
@@ -329,6 +334,9 @@ def fill_between_rings(
 def shows_layers(
     cloud: Cloud, run_options: RunOptions, viewpoint: tuple[float, float, float], voxel: float
 ) -> bool: ...
+def fit_targets(
+    source: RealArray, target: RealArray, sigma: float | None, run_options: RunOptions
+) -> tuple[_TargetFit, BoolArray, float, list[str]]: ...  # suspects, ratio of units, doubts
 def suit_voxel(
     clouds: Sequence[Cloud], run_options: RunOptions
 ) -> tuple[float | None, tuple[int, int] | None]: ...

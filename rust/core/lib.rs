@@ -96,6 +96,7 @@ pub mod registration;
 pub mod rule;
 pub mod selection;
 mod simd;
+pub mod targets;
 pub mod verification;
 
 pub use cloud::Cloud;

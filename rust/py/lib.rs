@@ -18,6 +18,7 @@ mod registration;
 mod run;
 mod scaled;
 mod scans;
+mod targets;
 mod verification;
 
 use pyo3::prelude::*;
@@ -57,6 +58,8 @@ mod _core {
     use super::scaled::{Scaled, find_scale};
     #[pymodule_export]
     use super::scans::{distinct_points, fill_between_rings, find_outliers, shows_layers, suit_voxel};
+    #[pymodule_export]
+    use super::targets::fit_targets;
     #[pymodule_export]
     use super::verification::{FineSurface, Surface, align, places, plane_distances, score_poses, verify};
 

@@ -11,4 +11,5 @@ pub mod placements;
 pub mod proximity;
 pub mod resolution;
 pub mod rigid;
+pub(crate) mod singular;
 pub(crate) mod symmetric;

@@ -66,7 +66,7 @@ fn null_vector(m: &Matrix3<f64>) -> Vector3<f64> {
 }
 
 /// A unit vector orthogonal to `v`.
-fn orthogonal_to(v: &Vector3<f64>) -> Vector3<f64> {
+pub fn orthogonal_to(v: &Vector3<f64>) -> Vector3<f64> {
     let axis =
         if v.x.abs() > v.y.abs() { Vector3::new(-v.z, 0.0, v.x) } else { Vector3::new(0.0, v.z, -v.y) };
     let length = axis.norm();
