@@ -259,3 +259,12 @@ def test_an_empty_model(tmp_path: Path) -> None:
     assert len(read_colmap(folder).transformed(POSE, 2).points) == 0
     with pytest.raises(InputError, match="holds no points"):
         read_cloud(folder / "points3D.bin")
+
+
+@pytest.mark.parametrize("number", ["nan", "inf", "1e999"])
+def test_poses_that_are_not_finite_are_refused(tmp_path: Path, number: str) -> None:
+    (tmp_path / "cameras.txt").write_text("1 PINHOLE 40 30 20 20 20 15\n")
+    (tmp_path / "images.txt").write_text(f"1 1 0 0 0 0 {number} 4 1 a.png\n\n")
+    (tmp_path / "points3D.txt").write_text("1 1 2 3 90 90 90 0.5 1 0\n")
+    with pytest.raises(InputError, match=r"images\.txt: .*a pose that is not finite"):
+        read_colmap(tmp_path)

@@ -149,7 +149,8 @@ def _read(path: Path) -> _core.ColmapFile:
     file = parse_file(path, partial(_core.ColmapFile, path.name))
     if path.stem != "points3D":
         with faults_of(path):
-            _poses(file.numbers())
+            if not np.isfinite(_poses(file.numbers())).all():
+                raise InputError("a pose that is not finite")
     return file
 
 
