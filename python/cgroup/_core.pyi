@@ -44,8 +44,13 @@ _Option: TypeAlias = tuple[str, bool, bool | float | str | None, tuple[bool | fl
 _Description: TypeAlias = tuple[list[str], list[str], dict[str, _Option]]  # fields, optional fields, options
 
 _CloudContent: TypeAlias = tuple[
-    FloatArray, FloatArray | None, IndexArray | None, NDArray[np.uint8] | None, FloatArray | None
-]  # points, normals, faces, colors, viewpoint
+    FloatArray,
+    FloatArray | None,
+    IndexArray | None,
+    NDArray[np.uint8] | None,
+    FloatArray | None,
+    NDArray[np.float32] | None,
+]  # points, normals, faces, colors, viewpoint, intensities
 
 _E57Field: TypeAlias = tuple[
     str, int, int, int, float, float, tuple[float, float] | None
@@ -207,6 +212,9 @@ class Level:
     def fit_similarity(
         self, target: Level, pose: FloatArray, run_options: RunOptions
     ) -> tuple[float, FloatArray, float, float] | None: ...
+    def overlap(
+        self, target: Level, poses: FloatArray, run_options: RunOptions
+    ) -> list[tuple[float, float, float]]: ...
     def confirm(self, target: Level, pose: FloatArray, run_options: RunOptions) -> Registered | None: ...
 
 @final
@@ -295,7 +303,7 @@ class E57Writer:
         points: FloatArray,
         normals: FloatArray | None,
         colors: NDArray[np.uint8] | None,
-        intensities: NDArray[np.uint16] | None,
+        intensities: NDArray[np.float32] | None,
     ) -> bytes: ...
     def finish(self) -> tuple[bytes, bytes]: ...
 
@@ -305,6 +313,7 @@ def encode_cloud(
     normals: FloatArray | None,
     faces: NDArray[np.int64] | None,
     colors: NDArray[np.uint8] | None,
+    intensities: NDArray[np.float32] | None,
     viewpoint: list[float] | None,
     is_single: bool,
     run_options: RunOptions,

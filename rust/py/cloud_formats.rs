@@ -20,13 +20,14 @@ use crate::run::{RunOptions, run, run_inline};
 /// Bytes parsed within a millisecond.
 const SMALL: usize = 1 << 14;
 
-/// A cloud for Python: points, normals, faces and colours, each (N,3); the viewpoint.
+/// A cloud for Python: points, normals, faces and colours, each (N,3); the viewpoint; intensities (N,).
 type PyCloudContent<'py> = (
     Bound<'py, PyArray2<f64>>,
     Option<Bound<'py, PyArray2<f64>>>,
     Option<Bound<'py, PyArray2<i64>>>,
     Option<Bound<'py, PyArray2<u8>>>,
     Option<Bound<'py, PyArray1<f64>>>,
+    Option<Bound<'py, PyArray1<f32>>>,
 );
 
 /// A field of E57: its name, bytes of a float or 0 for integers, their least and greatest, scale, offset; the
@@ -80,6 +81,7 @@ fn py_cloud(py: Python<'_>, cloud: CloudContent) -> PyResult<PyCloudContent<'_>>
         cloud.faces.map(|faces| triples(py, faces)).transpose()?,
         cloud.colors.map(|colors| triples(py, colors)).transpose()?,
         cloud.viewpoint.map(|place| PyArray1::from_slice(py, &place)),
+        cloud.intensities.map(|numbers| PyArray1::from_vec(py, numbers)),
     ))
 }
 
@@ -190,6 +192,7 @@ pub fn encode_cloud<'py>(
     normals: Option<PyReadonlyArrayDyn<'py, f64>>,
     faces: Option<PyReadonlyArrayDyn<'py, i64>>,
     colors: Option<PyReadonlyArrayDyn<'py, u8>>,
+    intensities: Option<PyReadonlyArray1<'py, f32>>,
     viewpoint: Option<[f64; 3]>,
     is_single: bool,
     run_options: RunOptions,
@@ -199,6 +202,7 @@ pub fn encode_cloud<'py>(
         normals: some_rows("normals", normals.as_ref())?.map(memory::copied).map(checked).transpose()?,
         faces: some_rows("faces", faces.as_ref())?.map(memory::copied).map(checked).transpose()?,
         colors: some_rows("colors", colors.as_ref())?.map(memory::copied).map(checked).transpose()?,
+        intensities: intensities.map(|numbers| checked(memory::copied(numbers.as_slice()?))).transpose()?,
         viewpoint,
     };
     let encode = if suffix == "ply" { encode::ply } else { encode::pcd };
@@ -339,7 +343,7 @@ impl E57Writer {
         points: PyReadonlyArrayDyn<'py, f64>,
         normals: Option<PyReadonlyArrayDyn<'py, f64>>,
         colors: Option<PyReadonlyArrayDyn<'py, u8>>,
-        intensities: Option<PyReadonlyArray1<'py, u16>>,
+        intensities: Option<PyReadonlyArray1<'py, f32>>,
     ) -> PyResult<Bound<'py, PyBytes>> {
         let block = e57::writer::Points {
             points: rows_of("points", &points)?,

@@ -74,19 +74,20 @@ def test_all_attributes_of_las_files(
         first += len(one.points)
 
 
-def test_other_formats_keep_positions_and_colours(tmp_path: Path) -> None:
+def test_other_formats_keep_positions_colours_and_intensities(tmp_path: Path) -> None:
     rng = np.random.default_rng(3)
     points, colors = rng.uniform(0, 9, (50, 3)), rng.integers(0, 256, (50, 3)).astype(np.uint8)
     write_cloud(tmp_path / "a.ply", PointCloud(points, colors=colors))
     write_las(tmp_path / "b.las", 6, 1, {})
-    (tmp_path / "c.csv").write_text("x,y,z,intensity\n1,2,3,7\n4,5,6,8\n")
+    (tmp_path / "c.csv").write_text("x,y,z,intensity,ring\n1,2,3,7,1\n4,5,6,8,2\n")
     paths, poses = [tmp_path / name for name in ("a.ply", "b.las", "c.csv")], [make_pose(k) for k in range(3)]
-    assert merge_files(paths, poses, tmp_path / "out.laz") == ["c.csv: intensity: not kept"]
+    assert merge_files(paths, poses, tmp_path / "out.laz") == ["c.csv: ring: not kept"]
     after = laspy.read(tmp_path / "out.laz")
     assert after.header.point_format.id == 7
     np.testing.assert_allclose(after.xyz[:50], apply(poses[0], points), atol=1e-3)
     np.testing.assert_array_equal(np.stack([after.red, after.green, after.blue], axis=1)[:50] // 257, colors)
     np.testing.assert_allclose(after.xyz[-2:], apply(poses[2], np.array([[1, 2, 3], [4, 5, 6.0]])), atol=1e-3)
+    assert after.intensity[-2:].tolist() == [7, 8]
 
 
 def test_a_file_of_one_point_does_not_coarsen_the_grid(tmp_path: Path) -> None:

@@ -15,19 +15,19 @@ FILES = sorted(PACKAGE.rglob("*.py"))
 MOST_LINES = {
     "": 34_200,
     "benchmark/": 6_615,
-    "cli/": 3_731,
+    "cli/": 3_775,
     "datasets/": 3_060,
     "evaluation/": 1_435,
-    "features/": 1_190,
+    "features/": 1_205,
     "fronts/": 828,
-    "io/": 3_240,
-    "maps/": 1_015,
+    "io/": 3_165,
+    "maps/": 1_020,
     "methods/": 670,
-    "pages/": 1_250,
+    "pages/": 1_256,
     "plots/": 1_030,
     "recognition/": 445,
     "registration/": 2_200,
-    "scenes/": 2_120,
+    "scenes/": 2_150,
 }
 """Lines of the package and of its rooms, with docstrings and blank lines."""
 

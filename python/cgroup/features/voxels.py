@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -34,12 +36,15 @@ class Voxels:
         Voxel of every point of the cloud.
     colors : (M,3) array of uint8 or None
         Mean of each voxel's colours, rounded to the nearest. None if the cloud has none.
+    intensities : (M,) array of float32 or None
+        Mean of each voxel's intensities. None if the cloud has none.
     """
 
     points: FloatArray
     normals: FloatArray | None
     indices: IndexArray
     colors: NDArray[np.uint8] | None = None
+    intensities: NDArray[np.float32] | None = None
 
     def __len__(self) -> int:
         return len(self.points)
@@ -86,15 +91,24 @@ def voxel_downsample(
     means, normal_means, indices = _core.voxel_downsample(
         core_cloud(points if cloud is None else cloud), directions, run_options(threads), size, own_axes=False
     )
-    colors = None if cloud is None or cloud.colors is None else _mean_colors(cloud.colors, indices)
-    return Voxels(means, normal_means, indices, colors)
+    given = None if cloud is None else (cloud.colors, cloud.intensities)
+    colors, strengths = map(partial(_means, indices), ("colors", "intensities"), given or (None, None))
+    return Voxels(
+        means,
+        normal_means,
+        indices,
+        None if colors is None else np.rint(colors).astype(np.uint8),
+        None if strengths is None else strengths[:, 0].astype(np.float32),
+    )
 
 
-def _mean_colors(colors: NDArray[np.uint8], voxels: IndexArray) -> NDArray[np.uint8]:
-    if len(colors) != len(voxels):
-        raise InputError("points.colors", f"{len(colors)} for {len(voxels)} points", "give one per point")
-    sums = [np.bincount(voxels, weights=band) for band in np.asarray(colors).T]
-    return np.rint(np.stack(sums, axis=1) / np.bincount(voxels)[:, None]).astype(np.uint8)
+def _means(voxels: IndexArray, name: str, values: NDArray[Any] | None) -> FloatArray | None:
+    if values is None:
+        return None
+    if len(values) != len(voxels):
+        raise InputError(f"points.{name}", f"{len(values)} for {len(voxels)} points", "give one per point")
+    sums = [np.bincount(voxels, weights=band) for band in np.atleast_2d(np.asarray(values).T)]
+    return np.stack(sums, axis=1) / np.bincount(voxels)[:, None]
 
 
 @explain_wrong_calls

@@ -29,14 +29,15 @@ _LONGEST_XML = 16 << 20
 
 # Name, pose (4,4), number of points, and blocks: points, normals, colours, intensities; None if absent
 Scan: TypeAlias = tuple[str, FloatArray, int, Iterable[Sequence[Any]]]
-_KINDS = (np.float64, np.float64, np.uint8, np.uint16)
+_KINDS = (np.float64, np.float64, np.uint8, np.float32)
 
 _CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
 _SPHERICAL = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")
 _NORMAL = ("normalX", "normalY", "normalZ")  # of the extension for surface normals
 _COLOR = ("colorRed", "colorGreen", "colorBlue")
 _INVALID = {_CARTESIAN: "cartesianInvalidState", _SPHERICAL: "sphericalInvalidState"}
-_TAKEN = {*_CARTESIAN, *_SPHERICAL, *_NORMAL, *_COLOR, *_INVALID.values()}
+_INTENSITY, _UNKNOWN = "intensity", "isIntensityInvalid"
+_TAKEN = {*_CARTESIAN, *_SPHERICAL, *_NORMAL, *_COLOR, *_INVALID.values(), _INTENSITY, _UNKNOWN}
 
 
 def parse_e57(content: bytes) -> PointCloud:
@@ -173,7 +174,10 @@ class _StoredScan:
             normals = None if normals is None else normals @ matrix[:3, :3].T
             # Where a writer knows no place, it is the origin.
             place = matrix[:3, 3] if matrix[:3, 3].any() else None
-        return PointCloud(points, normals, colors=_stack(columns, _COLOR), viewpoint=place)
+        strengths = columns.get(_INTENSITY)
+        if strengths is not None:
+            strengths = np.where(columns.get(_UNKNOWN, 0) == 0, strengths, np.nan).astype(np.float32)
+        return PointCloud(points, normals, None, _stack(columns, _COLOR), 0, place, strengths)
 
     def _field(self, leaf: Element) -> tuple[str, int, int, int, float, float, tuple[float, float] | None]:
         """Return how the core unpacks a field; colours by the limits of the scan or the field."""
@@ -216,7 +220,7 @@ def scan_of(name: str, cloud: PointCloud, pose: FloatArray | None = None) -> Sca
         near, most = points - place, np.abs(points).max(initial=0.0)
         if np.abs(near + place - points).max(initial=0.0) <= 2.0**-30 * most:
             moved[:3, 3], points = apply(moved, place[None])[0], near
-    return name, moved, len(points), [(points, cloud.normals, cloud.colors, None)]
+    return name, moved, len(points), [(points, cloud.normals, cloud.colors, cloud.intensities)]
 
 
 def write_e57(out: BinaryIO, scans: Iterable[Scan]) -> None:

@@ -12,16 +12,16 @@ _KEPT = {
     *("x", "y", "z", "nx", "ny", "nz", "normal_x", "normal_y", "normal_z", "curvature", "_"),
     *("red", "green", "blue", "alpha", "r", "g", "b", "a", "rgb", "rgba"),
     *("diffuse_red", "diffuse_green", "diffuse_blue", "vp_x", "vp_y", "vp_z"),
+    *("intensity", "scalar_intensity"),
 }
 _LAS = ("intensity", "returns", "classification", "scan angle", "user data", "point source")
 _WITHOUT_TIME, _WITH_NEAR_INFRARED, _WITH_WAVES = {0, 2}, {8, 10}, {4, 5, 9, 10}  # point formats of LAS
 
-# Columns that are read if no line has names; those of PTS depend on their number
-TEXTS = {".xyz": 3, ".asc": 3, ".txt": 3, ".csv": 3, ".xyzn": 6, ".xyzrgb": 6, ".pts": 3}
+# Columns that are read if no line has names; of PTS all are
+TEXTS = {".xyz": 3, ".asc": 3, ".txt": 3, ".csv": 3, ".xyzn": 6, ".xyzrgb": 6, ".pts": 7}
 
 _FIXED = {
-    ".bin": ("reflectance",),
-    ".ptx": ("intensity",),
+    **dict.fromkeys((".bin", ".ptx", ".pts"), ()),
     **dict.fromkeys(("points3D.bin", "points3D.txt"), ("reprojection error", "track")),
 }
 
@@ -75,7 +75,5 @@ def _unread_columns(head: bytes, suffix: str) -> list[str]:
         elif words and not is_comment:
             count = len(words)
             break
-    if suffix == ".pts":  # x y z, intensity, r g b
-        return ["intensity"] if count in (4, 7) else []
     numbered = [f"column {number}" for number in range(1, count + 1)]
     return (names if len(names) == count else numbered)[TEXTS[suffix] :]

@@ -30,6 +30,7 @@ from cgroup.io.attributes import TEXTS
 from cgroup.io.colmap import parse_points
 from cgroup.io.files import naming, parse_file, read_content, write_file, write_stream, written_path
 from cgroup.io.numpy_files import load_npy, load_npz_points, npz_bytes, read_arrays, single_number
+from cgroup.io.result_folders import Results
 from cgroup.types import AnyCloud, BoolArray, FloatArray, PointCloud
 from cgroup.types.point_cloud import as_cloud
 
@@ -60,7 +61,7 @@ def read_cloud(path: str | os.PathLike[str]) -> PointCloud:
     Returns
     -------
     PointCloud
-        Points; normals, faces, colours and the scanner's position if the file has them.
+        Points; normals, faces, colours, intensities and the scanner's position if the file has them.
 
     Examples
     --------
@@ -94,8 +95,9 @@ def write_cloud(path: str | os.PathLike[str], cloud: AnyCloud, *, dtype: Real = 
     path : path-like
         Must end in ``.ply``, ``.pcd`` or ``.e57``.
     cloud : PointCloud or (N,3) array_like of float
-        Or a cloud of another library. Normals and colours are written if present; faces in PLY only, and the
-        viewpoint in PCD and E57 (as the position of the scanner), as the other formats have none.
+        Or a cloud of another library. Normals, colours and intensities are written if present; faces in PLY
+        only, and the viewpoint in PCD and E57 (as the position of the scanner), as the other formats have
+        none.
     dtype : {"float64", "float32"}
         Of coordinates and normals; E57 is written in float64 only. Double precision keeps them to the last
         bit; PCL's point types and many viewers need single precision. That is refused if points would move
@@ -114,8 +116,8 @@ def write_cloud(path: str | os.PathLike[str], cloud: AnyCloud, *, dtype: Real = 
     if suffix == ".e57":
         write_stream(path, partial(write_e57, scans=[scan_of(path.stem, cloud)]))
         return
-    columns = (cloud.points, cloud.normals, cloud.faces, cloud.colors)
-    parts = map(contiguous, columns, (np.float64, np.float64, np.int64, np.uint8))
+    columns = (cloud.points, cloud.normals, cloud.faces, cloud.colors, cloud.intensities)
+    parts = map(contiguous, columns, (np.float64, np.float64, np.int64, np.uint8, np.float32))
     place = None if cloud.viewpoint is None else as_place("cloud.viewpoint", cloud.viewpoint)
     content = _core.encode_cloud(
         suffix[1:], *parts, viewpoint=place, is_single=dtype == "float32", run_options=run_options(threads=1)
@@ -230,16 +232,15 @@ def _finite_cloud(path: Path, cloud: PointCloud) -> PointCloud:
 
 
 def _parse_in_core(suffix: str, content: bytes) -> PointCloud:
-    points, normals, faces, colors, viewpoint = _core.parse_cloud(content, suffix, run_options(threads=1))
-    return PointCloud(points, normals, faces, colors, viewpoint=viewpoint)
+    parts = _core.parse_cloud(content, suffix, run_options(threads=1))
+    return PointCloud(*parts[:4], viewpoint=parts[4], intensities=parts[5])
 
 
 def _parse_gltf(folder: Path, content: bytes) -> PointCloud:
     """Return the cloud of a scene whose buffers may be files in the folder."""
     options = run_options(threads=1)
     files = {uri: read_content(_beside(folder, unquote(uri))) for uri in _core.gltf_files(content, options)}
-    points, normals, faces, colors, _ = _core.parse_gltf(content, files, options)
-    return PointCloud(points, normals, faces, colors)
+    return PointCloud(*_core.parse_gltf(content, files, options)[:4])
 
 
 def _beside(folder: Path, name: str) -> Path:
@@ -287,9 +288,9 @@ def find_clouds(name: str, paths: Iterable[str | os.PathLike[str]]) -> list[Path
 def _files_of(name: str, path: Path) -> list[Path]:
     text = str(path)
     if os.path.isdir(path):  # noqa: PTH112 - a path that the system refuses is no folder
-        suffixes = PARSERS.keys() - _OTHERS_TOO
-        files = [file for file in _listed(path) if file.suffix.lower() in suffixes]
-        got = "a folder without clouds"
+        suffixes, own = PARSERS.keys() - _OTHERS_TOO, Results(path, "").unchanged()
+        files = [file for file in _listed(path) if file.suffix.lower() in suffixes and file not in own]
+        got = f"a folder without clouds{' but results of cgroup' * bool(own)}"
         remedy = (
             f"files whose names end in {' '.join(sorted(suffixes))} are taken; name others by a pattern, "
             f"as {escape(text)}/*.txt"

@@ -144,9 +144,10 @@ def merge_files(
     """Write several files of points, each moved by its pose, as one LAS, LAZ or E57.
 
     In LAS, ``point_source_id`` is the number of each point's file, from 1. LAS and LAZ files keep all other
-    attributes, and the first one's VLRs; of other files positions and colours are kept. In E57, each file is
-    a scan with its pose, in float64: coordinates stay in the frame of the file, relative to the scanner if
-    its position is known. Colours, normals, and intensities of LAS are kept.
+    attributes, and the first one's VLRs; of other files positions, colours and intensities are kept, which
+    are scaled to 16 bits unless they are such whole numbers. In E57, each file is a scan with its pose, in
+    float64: coordinates stay in the frame of the file, relative to the scanner if its position is known.
+    Colours, normals and intensities are kept.
 
     Parameters
     ----------
@@ -231,7 +232,7 @@ def _write_joined(files: Sequence[Path], motions: Sequence[Motion], out: Path) -
     for file, motion in zip(files, motions, strict=True):
         header, lost, _ = _open(file)
         headers.append(header)
-        motion.notes.extend(f"{name}: not kept" for name in lost)
+        motion.notes.extend(lost)
     joined = _join(files, headers, motions)
 
     def write(stream: BinaryIO) -> None:
@@ -271,11 +272,25 @@ def _parts(path: Path) -> Iterator[Any]:
         made.xyz = cloud.points
         if cloud.colors is not None:
             made.red, made.green, made.blue = (257 * cloud.colors.T.astype(np.uint16)).tolist()
+        notes = [f"{name}: not kept" for name in ("normals", "faces") if getattr(cloud, name) is not None]
+        if cloud.intensities is not None:
+            made.intensity, scaled = _in_16_bits(cloud.intensities)
+            notes += scaled
         made.update_header()
         yield made.header
-        there = [name for name in ("normals", "faces") if getattr(cloud, name) is not None]
-        yield [*there, *unkept_attributes(path)]
+        yield [*notes, *(f"{name}: not kept" for name in unkept_attributes(path))]
         yield made.points
+
+
+def _in_16_bits(values: NDArray[np.float32]) -> tuple[NDArray[np.uint16], list[str]]:
+    """Return intensities of LAS, 0 for unknown ones, and a note if they are scaled."""
+    known = np.where(np.isfinite(values), values, 0.0).astype(np.float64)
+    low, high = min(known.min(initial=0.0), 0.0), known.max(initial=0.0)
+    if low == 0.0 and high <= _MOST_FILES and (known == np.floor(known)).all():
+        return known.astype(np.uint16), []
+    high = 1.0 if low == 0.0 and high <= 1.0 else high
+    note = f"intensity: {low:g} to {high:g} written as 0 to {_MOST_FILES}"
+    return np.rint((known - low) * (_MOST_FILES / (high - low))).astype(np.uint16), [note]
 
 
 def _join(files: Sequence[Path], headers: Sequence[Any], motions: Sequence[Motion]) -> Any:  # noqa: ANN401 - of laspy

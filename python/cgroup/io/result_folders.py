@@ -59,6 +59,13 @@ class Results:
 
     def __init__(self, folder: Path, by: str) -> None:
         self._folder, self._by = folder, by
+        self.removed: list[Path] = []
+
+    def unchanged(self) -> set[Path]:
+        """Return the results of all runs that nobody has changed, except files that were only moved."""
+        lines = self._read()
+        found = {self._folder / name: self._found(self._folder / name, lines) for name in lines}
+        return {path for path, each in found.items() if any(not one.by.startswith("apply ") for one in each)}
 
     def check(self, paths: Iterable[Path], inputs: Iterable[str | os.PathLike[str]] = ()) -> None:
         """Raise if a run would replace an input, a special file, or a file that is no unchanged output."""
@@ -104,6 +111,7 @@ class Results:
             runs = {line.run for line in self._found(path, before) if line.by == self._by}
             if runs and not is_input(path) and not (is_same and run in runs):
                 remove_file(path)
+                self.removed.append(path)
 
     def _found(self, path: Path, lines: dict[str, list[_Line]]) -> list[_Line]:
         """Return the list entries of a file in the folder whose content is unchanged.

@@ -205,8 +205,8 @@ class Registration:
     def _in_the_target_unit(self, cloud: PointCloud) -> PointCloud:
         if self.scale == 1.0:
             return cloud
-        place = None if cloud.viewpoint is None else self.scale * cloud.viewpoint
-        return replace(cloud, points=self.scale * cloud.points, viewpoint=place)
+        place = None if cloud.viewpoint is None else np.multiply(self.scale, cloud.viewpoint)
+        return replace(cloud, points=np.multiply(self.scale, cloud.points), viewpoint=place)
 
     def plot(
         self,
@@ -281,7 +281,7 @@ def merge_clouds(
             for cloud, color in zip(clouds, colors, strict=True)
         ]
     voxels = features.voxel_downsample(join_clouds(clouds), voxel)
-    return PointCloud(voxels.points, voxels.normals, colors=voxels.colors)
+    return PointCloud(voxels.points, voxels.normals, colors=voxels.colors, intensities=voxels.intensities)
 
 
 def registration_of(found: Found, judgement: Judgement, seconds: dict[str, float]) -> Registration:

@@ -64,6 +64,8 @@ class PointCloud:
     viewpoint : (3,) array of float64, optional
         Position of the scanner in the frame of the points, if the file has it. The origin in PCD and E57
         counts as unknown, as writers put it there by default. None for a file of scans from several places.
+    intensities : (N,) array of float32, optional
+        Strengths of the returns, in the file's unit; those of LAS are not read.
 
     Examples
     --------
@@ -78,6 +80,7 @@ class PointCloud:
     colors: NDArray[np.uint8] | None = None
     dropped: int = 0
     viewpoint: arrays.FloatArray | None = None
+    intensities: NDArray[np.float32] | None = None
 
     def __len__(self) -> int:
         """Return the number of points."""
@@ -94,7 +97,7 @@ class PointCloud:
         Returns
         -------
         PointCloud
-            Moved points and viewpoint, rotated normals; faces and colours unchanged.
+            Moved points and viewpoint, rotated normals; all else unchanged.
         """
         matrix = check_rigid(transform)
         normals = None if self.normals is None else self.normals @ matrix[:3, :3].T
@@ -128,12 +131,15 @@ class PointCloud:
         kept = arrays.as_mask("mask", mask)
         if len(kept) != len(self):
             raise InputError("mask", f"{len(kept)} values for {len(self)} points", "give one per point")
-        faces = self.faces
+        names = ("points", "normals", "colors", "intensities")
+        there = {name: values for name in names if (values := getattr(self, name)) is not None}
+        faces = None if self.faces is None else arrays.as_faces("faces", self.faces)
+        sizes = {name: len(values) for name, values in there.items()}
+        if {*sizes.values()} != {len(self)} or (faces is not None and faces.max(initial=-1) >= len(self)):
+            raise InputError("cloud", f"{sizes}, or faces of further points", "give one value per point")
         if faces is not None:
-            faces = (np.cumsum(kept) - 1)[np.asarray(faces)[kept[faces].all(axis=1)]]
-        values = (self.points, self.normals, self.colors)
-        points, normals, colors = (None if one is None else np.asarray(one)[kept] for one in values)
-        return replace(self, points=points, normals=normals, faces=faces, colors=colors)
+            faces = (np.cumsum(kept) - 1)[faces[kept[faces].all(axis=1)]]
+        return replace(self, faces=faces, **{name: np.asarray(there[name])[kept] for name in there})
 
     def crop(self, low: ArrayLike, high: ArrayLike) -> PointCloud:
         """Return the points within a box, as `select` does.
@@ -162,28 +168,26 @@ class PointCloud:
         ends = [arrays.as_floats(name, end) for name, end in (("low", low), ("high", high))]
         if any(end.shape != (3,) for end in ends) or not (ends[0] <= ends[1]).all():
             raise InputError("low, high", f"{ends[0]}, {ends[1]}", "give x, y, z of a box, the least first")
-        points = np.asarray(self.points)
+        points = arrays.as_points("points", self.points)
         return self.select(((points >= ends[0]) & (points <= ends[1])).all(axis=1))
 
 
 def join_clouds(clouds: Sequence[PointCloud]) -> PointCloud:
-    """Join clouds: normals and colours if all have them, the viewpoint if it is the same."""
+    """Join clouds: attributes of points if all have them, the viewpoint if it is the same."""
     if not clouds:
         return PointCloud(np.empty((0, 3)))
     starts = np.cumsum([0, *map(len, clouds)])
     shifted = zip(clouds, starts, strict=False)
     faces = [cloud.faces + start for cloud, start in shifted if cloud.faces is not None]
-    normals = [cloud.normals for cloud in clouds if cloud.normals is not None]
-    colors = [cloud.colors for cloud in clouds if cloud.colors is not None]
+    names = ("points", "normals", "colors", "intensities")
+    values = {name: [getattr(cloud, name) for cloud in clouds] for name in names}
+    joined: dict[str, Any] = {
+        name: np.concatenate(each) for name, each in values.items() if not any(one is None for one in each)
+    }
     places = [cloud.viewpoint for cloud in clouds if cloud.viewpoint is not None]
     is_one = len(places) == len(clouds) and (np.array(places) == places[0]).all()
-    return PointCloud(
-        np.concatenate([cloud.points for cloud in clouds]),
-        np.concatenate(normals) if len(normals) == len(clouds) else None,
-        np.concatenate(faces) if faces else None,
-        np.concatenate(colors) if len(colors) == len(clouds) else None,
-        viewpoint=places[0] if is_one else None,
-    )
+    viewpoint = places[0] if is_one else None
+    return PointCloud(**joined, faces=np.concatenate(faces) if faces else None, viewpoint=viewpoint)
 
 
 AnyCloud: TypeAlias = "PointCloud | ArrayLike | os.PathLike[str] | _Foreign"

@@ -1,4 +1,4 @@
-//! Contents of a cloud file: points, normals, faces, colours.
+//! Contents of a cloud file: points, normals, faces, colours, intensities.
 
 use std::ops::Range;
 
@@ -16,6 +16,8 @@ pub struct CloudContent {
     pub faces: Option<Vec<[i64; 3]>>,
     /// Red, green, blue of each point.
     pub colors: Option<Vec<[u8; 3]>>,
+    /// Intensity of each point's return, in the unit of the file.
+    pub intensities: Option<Vec<f32>>,
     /// Position of the scanner, in the frame of the points.
     pub viewpoint: Option<[f64; 3]>,
 }
@@ -24,9 +26,13 @@ pub struct CloudContent {
 pub(super) const POSITION: [usize; 3] = [0, 1, 2];
 pub(super) const NORMAL: [usize; 3] = [3, 4, 5];
 pub(super) const COLOR: [usize; 3] = [6, 7, 8];
+pub(super) const INTENSITY: usize = 9;
 
-/// Numbers of one point: position, normal, colour.
-pub(super) type Row = [f64; 9];
+/// Numbers of one point: position, normal, colour, intensity.
+pub(super) type Row = [f64; 10];
+
+/// Names of intensities, as of CloudCompare too.
+pub(super) const INTENSITY_NAMES: [&str; 2] = ["intensity", "scalar_intensity"];
 
 /// Least opacity of a visible splat, as the stored logit: 0.1.
 const LEAST_OPACITY: f64 = -2.197_224_577_336_219_6;
@@ -44,6 +50,7 @@ pub(super) enum ColorScale {
 pub(super) struct Points {
     content: CloudContent,
     reals: Option<Vec<[f64; 3]>>,
+    intensities: Option<Vec<f64>>,
     scale: ColorScale,
 }
 
@@ -54,7 +61,14 @@ impl Points {
         let normals = normals.then(|| memory::with_capacity(count)).transpose()?;
         let reals = colors.map(|_| memory::with_capacity(count)).transpose()?;
         let content = CloudContent { points, normals, ..CloudContent::default() };
-        Ok(Self { content, reals, scale: colors.unwrap_or(ColorScale::Bytes) })
+        Ok(Self { content, reals, intensities: None, scale: colors.unwrap_or(ColorScale::Bytes) })
+    }
+
+    /// Reserves room for intensities, if the points have them.
+    pub fn with_intensities(mut self, has_intensities: bool) -> Result<Self> {
+        let count = self.content.points.capacity();
+        self.intensities = has_intensities.then(|| memory::with_capacity(count)).transpose()?;
+        Ok(self)
     }
 
     /// Adds a point.
@@ -66,6 +80,9 @@ impl Points {
         if let Some(colors) = &mut self.reals {
             memory::push(colors, COLOR.map(|i| row[i]))?;
         }
+        if let Some(intensities) = &mut self.intensities {
+            memory::push(intensities, row[INTENSITY])?;
+        }
         Ok(())
     }
 
@@ -73,12 +90,16 @@ impl Points {
     pub fn grow(&mut self, more: usize) -> Result<Range<usize>> {
         let len = self.len();
         let rows = len..len + more;
-        let Self { content, reals, .. } = self;
+        let Self { content, reals, intensities, .. } = self;
         for triples in
             [Some(&mut content.points), content.normals.as_mut(), reals.as_mut()].into_iter().flatten()
         {
             memory::reserve(triples, more)?;
             triples.resize(rows.end, [0.0; 3]);
+        }
+        if let Some(intensities) = intensities {
+            memory::reserve(intensities, more)?;
+            intensities.resize(rows.end, 0.0);
         }
         Ok(rows)
     }
@@ -88,10 +109,13 @@ impl Points {
         let triples = match place / 3 {
             0 => Some(&mut self.content.points),
             1 => self.content.normals.as_mut(),
-            _ => self.reals.as_mut(),
+            2 => self.reals.as_mut(),
+            _ => None,
         };
-        let triples = triples.and_then(|triples| triples.get_mut(rows)).unwrap_or_default();
-        triples.iter_mut().map(move |triple| &mut triple[place % 3])
+        let triples = triples.and_then(|triples| triples.get_mut(rows.clone())).unwrap_or_default();
+        let alone = self.intensities.as_mut().filter(|_| place == INTENSITY);
+        let alone = alone.and_then(|numbers| numbers.get_mut(rows)).unwrap_or_default();
+        triples.iter_mut().map(move |triple| &mut triple[place % 3]).chain(alone)
     }
 
     /// Colours of some rows.
@@ -119,6 +143,8 @@ impl Points {
     pub fn finish(mut self, faces: Option<Vec<[i64; 3]>>) -> Result<CloudContent> {
         self.content.faces = faces;
         self.content.colors = self.reals.map(|reals| bytes_of(&reals, self.scale)).transpose()?;
+        let single = |numbers: Vec<f64>| memory::collect(numbers.iter().map(|&number| number as f32));
+        self.content.intensities = self.intensities.map(single).transpose()?;
         Ok(self.content)
     }
 }

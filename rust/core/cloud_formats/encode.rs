@@ -35,7 +35,7 @@ impl Precision {
     }
 }
 
-/// PLY: points, and normals, colours and faces if there are any.
+/// PLY: points, and normals, colours, intensities and faces if there are any.
 ///
 /// # Errors
 /// [`Error::InvalidInput`] for lists of several lengths; [`Error::OutOfMemory`].
@@ -54,6 +54,9 @@ pub fn ply(cloud: &CloudContent, precision: Precision) -> Result<Vec<u8>> {
     }
     if cloud.colors.is_some() {
         list("uchar", ["red", "green", "blue"]);
+    }
+    if cloud.intensities.is_some() {
+        head += "property float intensity\n";
     }
     if let Some(faces) = &cloud.faces {
         let _ = writeln!(head, "element face {}\nproperty list uchar int vertex_indices", faces.len());
@@ -74,7 +77,7 @@ pub fn ply(cloud: &CloudContent, precision: Precision) -> Result<Vec<u8>> {
     Ok(out)
 }
 
-/// PCD: points and viewpoint, and normals and colours if there are any.
+/// PCD: points and viewpoint, and normals, colours and intensities if there are any.
 ///
 /// # Errors
 /// [`Error::InvalidInput`] for lists of several lengths; [`Error::OutOfMemory`].
@@ -87,10 +90,12 @@ pub fn pcd(cloud: &CloudContent, precision: Precision) -> Result<Vec<u8>> {
         count += 3;
     }
     let mut sizes = vec![precision.size().to_string(); count];
-    if cloud.colors.is_some() {
-        names += " rgb";
-        sizes.push(size_of::<f32>().to_string());
-        count += 1;
+    for (name, is_there) in [(" rgb", cloud.colors.is_some()), (" intensity", cloud.intensities.is_some())] {
+        if is_there {
+            names += name;
+            sizes.push(size_of::<f32>().to_string());
+            count += 1;
+        }
     }
     let [x, y, z] = cloud.viewpoint.unwrap_or_default();
     let (len, sizes) = (cloud.points.len(), sizes.join(" "));
@@ -107,7 +112,8 @@ fn check(cloud: &CloudContent, precision: Precision) -> Result<()> {
     let count = cloud.points.len();
     let normals = ("normals", cloud.normals.as_ref().map(Vec::len));
     let colors = ("colors", cloud.colors.as_ref().map(Vec::len));
-    for (name, len) in [normals, colors] {
+    let intensities = ("intensities", cloud.intensities.as_ref().map(Vec::len));
+    for (name, len) in [normals, colors, intensities] {
         if let Some(len) = len.filter(|&len| len != count) {
             let got = format!("{len} values of {name} for {count} points");
             return Err(Error::invalid("cloud", got, "give one per point"));
@@ -143,7 +149,7 @@ fn rows(
     precision: Precision,
     put_color: impl Fn([u8; 3], &mut Vec<u8>),
 ) -> Result<Vec<u8>> {
-    let most = 6 * precision.size() + size_of::<f32>();
+    let most = 6 * precision.size() + 2 * size_of::<f32>();
     let mut out = memory::with_capacity(head.len() + most * cloud.points.len())?;
     out.extend(head.as_bytes());
     for (row, point) in cloud.points.iter().enumerate() {
@@ -153,6 +159,9 @@ fn rows(
         }
         if let Some(colors) = &cloud.colors {
             put_color(colors[row], &mut out);
+        }
+        if let Some(intensities) = &cloud.intensities {
+            out.extend(intensities[row].to_le_bytes());
         }
     }
     Ok(out)
@@ -170,6 +179,7 @@ mod tests {
             normals: Some(vec![[0.0, 0.6, 0.8]; 3]),
             faces: Some(vec![[0, 1, 2]]),
             colors: Some(vec![[1, 2, 3], [255, 0, 128], [9, 8, 7]]),
+            intensities: Some(vec![0.1, -7.0, 65_535.0]),
             viewpoint: Some([1e-9, -3.0, 1e22]),
         }
     }
@@ -185,12 +195,12 @@ mod tests {
         let wanted = cloud();
         let found = read_ply::parse(&ply(&wanted, Precision::Double)?, &Execution::default())?;
         assert_eq!(
-            (bits(&found), &found.faces, &found.colors),
-            (bits(&wanted), &wanted.faces, &wanted.colors)
+            (bits(&found), &found.faces, &found.colors, &found.intensities),
+            (bits(&wanted), &wanted.faces, &wanted.colors, &wanted.intensities)
         );
         let found = read_pcd::parse(&pcd(&wanted, Precision::Double)?, &Execution::default())?;
         assert_eq!((bits(&found), found.viewpoint), (bits(&wanted), wanted.viewpoint));
-        assert_eq!(found.colors, wanted.colors);
+        assert_eq!((found.colors, found.intensities), (wanted.colors, wanted.intensities));
         let bare = CloudContent { points: vec![[0.5, -2.0, 3.0]], ..CloudContent::default() };
         for bytes in [ply(&bare, Precision::Single)?, ply(&bare, Precision::Double)?] {
             assert_eq!(read_ply::parse(&bytes, &Execution::default())?, bare);

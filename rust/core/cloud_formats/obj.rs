@@ -46,7 +46,7 @@ pub fn parse(content: &[u8], execution: &Execution) -> Result<CloudContent> {
 
 /// A point, and whether it has a colour: x y z, x y z w, x y z r g b, or x y z w r g b.
 fn read_point(line: &mut Line) -> Result<(Row, bool)> {
-    let mut row: Row = [0.0; 9];
+    let mut row: Row = [0.0; 10];
     for place in POSITION {
         row[place] = line.next_number()?;
     }

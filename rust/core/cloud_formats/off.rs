@@ -33,7 +33,7 @@ pub fn parse(content: &[u8], execution: &Execution) -> Result<CloudContent> {
         Points::with_capacity(header.points, header.normals, header.colors.then_some(ColorScale::Reals))?;
     for _ in 0..header.points {
         let mut line = next_line(&mut lines)?;
-        let mut row: Row = [0.0; 9];
+        let mut row: Row = [0.0; 10];
         let wanted = [(true, POSITION), (header.normals, NORMAL), (header.colors, COLOR)];
         for place in wanted.into_iter().filter(|(is_there, _)| *is_there).flat_map(|(_, places)| places) {
             row[place] = line.next_number()?;

@@ -1,13 +1,13 @@
 //! PTS, the format of laser scanners: the number of points, then a line for each. After x y z a line may have
-//! an intensity, which is ignored, and a colour of three bytes.
+//! an intensity, and a colour of three bytes.
 
-use super::cloud_content::{COLOR, CloudContent, ColorScale, POSITION, Points, Row};
+use super::cloud_content::{COLOR, CloudContent, ColorScale, INTENSITY, POSITION, Points, Row};
 use super::lines::{COLUMNS, Line, Lines};
 use super::table::{COMMENTS, check_columns, check_count, take_count};
 use crate::error::Result;
 use crate::execution::Execution;
 
-/// Parses the points and colours of a file; the count may be missing.
+/// Parses the points, intensities and colours of a file; the count may be missing.
 ///
 /// # Errors
 /// [`crate::Error::InvalidInput`] if the file is truncated or in another format,
@@ -19,37 +19,32 @@ pub fn parse(content: &[u8], execution: &Execution) -> Result<CloudContent> {
     let Some(first) = lines.clone().next_row(COMMENTS)? else {
         return Points::with_capacity(0, false, None)?.finish(None);
     };
-    // Without a colour, with a colour, or with an intensity and a colour.
     let columns = first.count_words()?;
-    let skipped = match columns {
-        3 | 4 => None,
-        6 => Some(0),
-        7 => Some(1),
+    let places: &[usize] = match columns {
+        3 => &POSITION,
+        4 => &[0, 1, 2, INTENSITY],
+        6 => &[0, 1, 2, 6, 7, 8],
+        7 => &[0, 1, 2, INTENSITY, 6, 7, 8],
         _ => {
             return Err(
                 first.refuse(format!("{columns} columns"), "points have 3, 4, 6 or 7: x y z [i] [r g b]")
             );
         }
     };
-    let mut points = Points::with_capacity(declared.unwrap_or(0), false, skipped.map(|_| ColorScale::Bytes))?;
+    let colors = places.contains(&COLOR[0]).then_some(ColorScale::Bytes);
+    let mut points = Points::with_capacity(declared.unwrap_or(0), false, colors)?
+        .with_intensities(places.contains(&INTENSITY))?;
     while let Some(line) = lines.next_row(COMMENTS)? {
-        points.push(&read_row(line, columns, skipped)?)?;
+        points.push(&read_row(line, places)?)?;
     }
     check_count(declared, points.len())?;
     points.finish(None)
 }
 
-fn read_row(mut line: Line, columns: usize, skipped: Option<usize>) -> Result<Row> {
-    check_columns(&line, line.count_words()?, &mut Some(columns))?;
-    let mut row: Row = [0.0; 9];
-    for place in POSITION {
-        row[place] = line.next_number()?;
-    }
-    let Some(skipped) = skipped else { return Ok(row) };
-    for _ in 0..skipped {
-        line.next_number()?;
-    }
-    for place in COLOR {
+fn read_row(mut line: Line, places: &[usize]) -> Result<Row> {
+    check_columns(&line, line.count_words()?, &mut Some(places.len()))?;
+    let mut row: Row = [0.0; 10];
+    for &place in places {
         row[place] = line.next_number()?;
     }
     Ok(row)
@@ -64,15 +59,16 @@ mod tests {
     }
 
     #[test]
-    fn the_number_of_columns_decides_about_colors() -> Result<()> {
-        for (text, color) in [
-            ("2\n1 2 3\n4 5 6\n", None),
-            ("1 2 3 -100\n4 5 6 7\n", None),
-            ("2\r\n1 2 3 0 1 255\r\n4 5 6 0 0 1", Some([0, 1, 255])),
-            ("2\n1 2 3 -7 0 1 255\n4 5 6 9 0 0 1\n\n", Some([0, 1, 255])),
+    fn the_number_of_columns_decides_about_attributes() -> Result<()> {
+        for (text, intensity, color) in [
+            ("2\n1 2 3\n4 5 6\n", None, None),
+            ("1 2 3 -100\n4 5 6 7\n", Some([-100.0, 7.0]), None),
+            ("2\r\n1 2 3 0 1 255\r\n4 5 6 0 0 1", None, Some([0, 1, 255])),
+            ("2\n1 2 3 -7 0 1 255\n4 5 6 9 0 0 1\n\n", Some([-7.0, 9.0]), Some([0, 1, 255])),
         ] {
             let cloud = read(text)?;
             assert_eq!(cloud.points, [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]);
+            assert_eq!(cloud.intensities, intensity.map(Vec::from));
             assert_eq!(cloud.colors.map(|colors| colors[0]), color);
         }
         Ok(())

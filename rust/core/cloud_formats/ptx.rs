@@ -16,7 +16,7 @@ use crate::memory;
 /// Lines of the scanner's position and axes.
 const AXES: usize = 4;
 
-/// Parses the points and colours of all scans in one frame, NaN without a return; the scanner's position if
+/// Parses the points, intensities and colours of all scans in one frame, NaN without a return; the scanner's position if
 /// there is one scan.
 ///
 /// # Errors
@@ -24,7 +24,8 @@ const AXES: usize = 4;
 /// [`Error::Interrupted`].
 pub fn parse(content: &[u8], execution: &Execution) -> Result<CloudContent> {
     let mut lines = Lines::new(content, COLUMNS, execution);
-    let mut cloud = CloudContent { colors: Some(Vec::new()), ..CloudContent::default() };
+    let (colors, intensities) = (Some(Vec::new()), Some(Vec::new()));
+    let mut cloud = CloudContent { colors, intensities, ..CloudContent::default() };
     let mut places = Vec::new();
     while let Some(line) = lines.next_row(COMMENTS)? {
         memory::push(&mut places, read_scan(line, &mut lines, &mut cloud)?)?;
@@ -59,14 +60,14 @@ fn read_scan(first: Line, lines: &mut Lines, cloud: &mut CloudContent) -> Result
     for _ in 0..count {
         let line = next(lines)?;
         check_columns(&line, line.count_words()?, &mut columns)?;
-        let (point, color) = match columns {
+        let (point, intensity, color) = match columns {
             Some(7) => {
-                let [x, y, z, _, red, green, blue] = numbers(line)?;
-                ([x, y, z], Some([red, green, blue]))
+                let [x, y, z, intensity, red, green, blue] = numbers(line)?;
+                ([x, y, z], intensity, Some([red, green, blue]))
             }
             Some(4) => {
-                let [x, y, z, _] = numbers(line)?;
-                ([x, y, z], None)
+                let [x, y, z, intensity] = numbers(line)?;
+                ([x, y, z], intensity, None)
             }
             _ => {
                 let got = format!("{} columns", line.count_words()?);
@@ -77,6 +78,7 @@ fn read_scan(first: Line, lines: &mut Lines, cloud: &mut CloudContent) -> Result
             &mut cloud.points,
             if point.iter().all(|x| *x == 0.0) { [f64::NAN; 3] } else { moved(point, &matrix) },
         )?;
+        memory::push(cloud.intensities.get_or_insert_default(), intensity as f32)?;
         match (&mut cloud.colors, color) {
             // A cast of a number out of range gives the nearest byte.
             (Some(colors), Some(color)) => memory::push(colors, color.map(|value| value as u8))?,
@@ -135,6 +137,7 @@ mod tests {
         assert!(cloud.points[1].iter().all(|x| x.is_nan()));
         assert_eq!(cloud.viewpoint, Some([10.0, 20.0, 30.0]));
         assert_eq!(cloud.colors, Some(vec![[0, 1, 255], [0, 0, 0]]));
+        assert_eq!(cloud.intensities, Some(vec![0.5, 0.0]));
         assert_eq!(read(&scan.repeat(2))?.viewpoint, cloud.viewpoint);
         let both = read(&format!("{scan}1\r\n1\r\n{}1 0 0 .5", HEAD.replace("10 20 30", "0 0 0")))?;
         assert_eq!(both.points.get(2), Some(&[0.0, 1.0, 0.0]));

@@ -54,7 +54,7 @@ fn read_binary(triangles: &[u8], execution: &Execution) -> Result<Points> {
         execution.check()?;
         for triangle in block.chunks_exact(TRIANGLE) {
             for corner in triangle[NORMAL..].chunks_exact(3 * NUMBER) {
-                let mut row: Row = [0.0; 9];
+                let mut row: Row = [0.0; 10];
                 for (value, number) in row.iter_mut().zip(corner.chunks_exact(NUMBER)) {
                     *value = Scalar::F32.read(number, ByteOrder::Little).unwrap_or(f64::NAN);
                 }
@@ -81,7 +81,7 @@ fn read_text(content: &[u8], execution: &Execution) -> Result<Points> {
         } else if word.eq_ignore_ascii_case(b"endsolid") {
             ended = Some(true);
         } else if word.eq_ignore_ascii_case(b"vertex") {
-            let mut row: Row = [0.0; 9];
+            let mut row: Row = [0.0; 10];
             for value in &mut row[..3] {
                 *value = line.next_number()?;
             }

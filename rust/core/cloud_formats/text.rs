@@ -2,10 +2,12 @@
 //!
 //! Columns are separated by white space, commas or semicolons; # and // start comments. Commas between digits
 //! are decimal marks if white space or semicolons separate the columns. The number of points may come first.
-//! A line of names defines the columns x y z, nx ny nz and r g b; other columns may have any content. Without
+//! A line of names defines the columns x y z, nx ny nz, r g b and intensity; other columns may have any content. Without
 //! names the first three columns are x y z, and the others are numbers that are ignored.
 
-use super::cloud_content::{COLOR, CloudContent, ColorScale, NORMAL, POSITION, Points, Row};
+use super::cloud_content::{
+    COLOR, CloudContent, ColorScale, INTENSITY, INTENSITY_NAMES, NORMAL, POSITION, Points, Row,
+};
 use super::lines::{COLUMNS, Line, Lines, number, shown};
 use super::table::{COMMENTS, check_columns, check_count, take_count};
 use crate::error::Result;
@@ -17,7 +19,7 @@ const POSITION_NAMES: &[[&str; 3]] = &[["x", "y", "z"]];
 const NORMAL_NAMES: &[[&str; 3]] = &[["nx", "ny", "nz"], ["normal_x", "normal_y", "normal_z"]];
 const COLOR_NAMES: &[[&str; 3]] = &[["r", "g", "b"], ["red", "green", "blue"]];
 
-/// Parses the points of a text, with normals and colours if columns have these names.
+/// Parses the points of a text, with normals, colours and intensities if columns have these names.
 ///
 /// # Errors
 /// [`crate::Error::InvalidInput`] for other content, [`crate::Error::OutOfMemory`],
@@ -64,7 +66,7 @@ fn read_plain(lines: &mut Lines, places: &[usize]) -> Result<Points> {
     let mut points = Points::with_capacity(0, places.contains(&NORMAL[0]), colors)?;
     let mut columns = None;
     while let Some(mut line) = lines.next_row(COMMENTS)? {
-        let (mut row, mut found): (Row, _) = ([0.0; 9], 0);
+        let (mut row, mut found): (Row, _) = ([0.0; 10], 0);
         while let Some(word) = line.next_word()? {
             let number = line.number_of(word)?;
             if let Some(place) = places.get(found) {
@@ -103,9 +105,14 @@ fn read_named(names: &Line, lines: &mut Lines) -> Result<Points> {
     for (from, to) in wanted.into_iter().filter_map(|(from, to)| Some(from?.into_iter().zip(to))).flatten() {
         columns[from] = Some(to);
     }
-    let mut points = Points::with_capacity(0, normal.is_some(), color.map(|_| ColorScale::Reals))?;
+    let intensity = INTENSITY_NAMES.into_iter().find_map(place);
+    if let Some(from) = intensity {
+        columns[from] = Some(INTENSITY);
+    }
+    let mut points = Points::with_capacity(0, normal.is_some(), color.map(|_| ColorScale::Reals))?
+        .with_intensities(intensity.is_some())?;
     while let Some(line) = lines.next_with_words(COMMENTS)? {
-        let (mut row, mut found): (Row, _) = ([0.0; 9], 0);
+        let (mut row, mut found): (Row, _) = ([0.0; 10], 0);
         for field in fields.split(line.text()) {
             if let Some(Some(to)) = columns.get(found) {
                 row[*to] = lines.number_of(&line, field)?;
@@ -191,12 +198,12 @@ mod tests {
 
     #[test]
     fn columns_with_names() -> Result<()> {
-        let text =
-            "\u{feff}\"label\",Z,Y,X,R,G,B,nx,ny,nz,note\ntree,3,2,1,255,0,7,0,0,1,\n,6,5,4,1,2,3,1,0,0,x\n";
+        let text = "\u{feff}\"label\",Z,Y,X,R,G,B,nx,ny,nz,Intensity,note\ntree,3,2,1,255,0,7,0,0,1,-2.5,\n,6,5,4,1,2,3,1,0,0,7,x\n";
         let cloud = read(text.as_bytes())?;
         assert_eq!(cloud.points, [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]);
         assert_eq!(cloud.normals, Some(vec![[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]));
         assert_eq!(cloud.colors, Some(vec![[255, 0, 7], [1, 2, 3]]));
+        assert_eq!(cloud.intensities, Some(vec![-2.5, 7.0]));
         assert_eq!(read(b"x y  z\n1 2 3\n")?.points, [[1.0, 2.0, 3.0]]);
         assert_eq!(read(b"x\ty\tz\t\xe9\n1\t2\t3\t\n")?.points, [[1.0, 2.0, 3.0]]);
         Ok(())

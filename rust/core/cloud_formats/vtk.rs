@@ -83,7 +83,7 @@ impl<'a> File<'a> {
         let numbers = self.numbers("POINTS", count.saturating_mul(3), scalar)?;
         let mut points = Points::with_capacity(count, false, None)?;
         for point in numbers.as_chunks::<3>().0 {
-            let mut row: Row = [0.0; 9];
+            let mut row: Row = [0.0; 10];
             row[..3].copy_from_slice(point);
             points.push(&row)?;
         }

@@ -1,8 +1,8 @@
 //! Writes E57: scans with their poses, in pages with checksums.
 //!
 //! Coordinates and normals are float64, so that no point moves. Colours have 8 bits, since readers expect no
-//! more; intensities have 16. The bytes of a file are returned as they are complete; the first page is returned at the end, since it has the place
-//! of the description.
+//! more; intensities are float32. The bytes of a file are returned as they are complete; the first page is
+//! returned at the end, since it has the place of the description.
 
 use std::fmt::Write as _;
 
@@ -35,7 +35,7 @@ pub struct Points<'a> {
     /// Red, green, blue.
     pub colors: Option<&'a [[u8; 3]]>,
     /// Intensities.
-    pub intensities: Option<&'a [u16]>,
+    pub intensities: Option<&'a [f32]>,
 }
 
 /// Pose of a scan: position, and quaternion w x y z.
@@ -68,8 +68,8 @@ struct Scan {
     streams: Vec<Vec<u8>>,
     low: [f64; 3],
     high: [f64; 3],
-    least_intensity: u16,
-    greatest_intensity: u16,
+    least_intensity: f32,
+    greatest_intensity: f32,
 }
 
 /// The columns of a scan.
@@ -90,7 +90,7 @@ impl Columns {
     fn sizes(self) -> impl Iterator<Item = usize> {
         let reals = if self.normals { 6 } else { 3 };
         let colors = if self.colors { 3 } else { 0 };
-        let intensities = self.intensities.then_some(size_of::<u16>());
+        let intensities = self.intensities.then_some(size_of::<f32>());
         std::iter::repeat_n(REAL, reals).chain(std::iter::repeat_n(1, colors)).chain(intensities)
     }
 
@@ -132,8 +132,8 @@ impl Writer {
             streams: Vec::new(),
             low: [f64::INFINITY; 3],
             high: [f64::NEG_INFINITY; 3],
-            least_intensity: u16::MAX,
-            greatest_intensity: 0,
+            least_intensity: f32::INFINITY,
+            greatest_intensity: f32::NEG_INFINITY,
         };
         memory::push(&mut self.scans, scan)
     }
@@ -317,7 +317,7 @@ impl Scan {
                 *high = high.max(x);
             }
         }
-        for &number in block.intensities.unwrap_or_default() {
+        for &number in block.intensities.unwrap_or_default().iter().filter(|number| number.is_finite()) {
             self.least_intensity = self.least_intensity.min(number);
             self.greatest_intensity = self.greatest_intensity.max(number);
         }
@@ -363,10 +363,10 @@ impl Scan {
             }
             *text += "</colorLimits>\n";
         }
-        if intensities {
+        if self.least_intensity <= self.greatest_intensity {
             *text += "<intensityLimits type=\"Structure\">";
-            leaf(text, "intensityMinimum", "Integer", &self.least_intensity.to_string());
-            leaf(text, "intensityMaximum", "Integer", &self.greatest_intensity.to_string());
+            leaf(text, "intensityMinimum", "Float", &format!("{:e}", self.least_intensity));
+            leaf(text, "intensityMaximum", "Float", &format!("{:e}", self.greatest_intensity));
             *text += "</intensityLimits>\n";
         }
         let (offset, count) = (physical(self.section), self.count);
@@ -385,7 +385,7 @@ impl Scan {
             *text += &COLOR.map(|name| whole(name, u16::from(u8::MAX))).concat();
         }
         if intensities {
-            *text += &whole(INTENSITY, u16::MAX);
+            let _ = writeln!(text, "<{INTENSITY} type=\"Float\" precision=\"single\"/>");
         }
         *text += "</prototype>\n<codecs type=\"Vector\" allowHeterogeneousChildren=\"1\"/>\n</points>\n</vectorChild>\n";
     }
@@ -483,7 +483,7 @@ mod tests {
         let count: usize = blocks.iter().sum();
         let points: Vec<_> = (0..count).map(|i| [i as f64, 0.5 - i as f64, 1e300]).collect();
         let colors: Vec<_> = (0..count).map(|i| [i as u8, (i / 3) as u8, 7]).collect();
-        let intensities: Vec<_> = (0..count).map(|i| (7 * i) as u16).collect();
+        let intensities: Vec<_> = (0..count).map(|i| 0.5 - i as f32).collect();
         let all = Points {
             points: &points,
             normals: columns.normals.then_some(&points[..]),
@@ -546,7 +546,7 @@ mod tests {
                 }
             }
             if intensities {
-                let wanted = (0..points.len()).map(|i| f64::from((7 * i) as u16)).collect();
+                let wanted = (0..points.len()).map(|i| 0.5 - i as f64).collect();
                 prop_assert_eq!(found.last(), Some(&Column::Numbers(wanted)));
             }
         }
@@ -576,7 +576,7 @@ mod tests {
         assert!(writer.add(one).is_err());
         writer.begin("b", PLACE, 2)?;
         writer.add(one)?;
-        assert!(writer.add(Points { intensities: Some(&[1]), ..one }).is_err());
+        assert!(writer.add(Points { intensities: Some(&[1.0]), ..one }).is_err());
         assert!(writer.finish().is_err());
         Ok(())
     }

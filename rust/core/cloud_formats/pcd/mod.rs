@@ -1,13 +1,15 @@
 //! PCD, the format of the Point Cloud Library, versions 0.5 to 0.7.
 //!
-//! Points are the fields x y z; `normal_x` and so on, and the colour packed in rgb or rgba, are read if
-//! present. The viewpoint's position is read, in the frame of the points, as PCL's normals use it; its
+//! Points are the fields x y z; `normal_x` and so on, intensity, and the colour packed in rgb or rgba, are read
+//! if present. The viewpoint's position is read, in the frame of the points, as PCL's normals use it; its
 //! rotation, which PCL applies when it displays a cloud, is ignored. All other fields are skipped.
 
 mod header;
 
 use self::header::{Body, Header};
-use super::cloud_content::{COLOR, CloudContent, ColorScale, NORMAL, POSITION, Points, Row};
+use super::cloud_content::{
+    COLOR, CloudContent, ColorScale, INTENSITY, INTENSITY_NAMES, NORMAL, POSITION, Points, Row,
+};
 use super::columns::{Column, read_columns, unpacked};
 use super::lines::{Lines, check_room, shown};
 use super::lzf;
@@ -16,7 +18,7 @@ use crate::error::{Error, Result};
 use crate::execution::Execution;
 use crate::memory;
 
-/// Parses the points, normals and colours of a file.
+/// Parses the points, normals, colours and intensities of a file.
 ///
 /// # Errors
 /// [`Error::InvalidInput`] if the file is truncated or not a PCD file, [`Error::OutOfMemory`],
@@ -56,6 +58,7 @@ struct Wanted {
     fields: Vec<Field>,
     normals: bool,
     colors: bool,
+    intensities: bool,
 }
 
 impl Wanted {
@@ -74,6 +77,8 @@ impl Wanted {
         }
         let packed = ["rgb", "rgba"].into_iter().find(|name| is_there(name));
         wanted.extend(packed.map(|name| (name, None)));
+        let intensity = INTENSITY_NAMES.into_iter().find(|name| is_there(name));
+        wanted.extend(intensity.map(|name| (name, Some(INTENSITY))));
         let mut fields = Vec::new();
         let (mut words, mut offset) = (0, 0);
         for field in &header.fields {
@@ -85,11 +90,13 @@ impl Wanted {
             words += field.count;
             offset += field.count * field.scalar.size();
         }
-        Ok(Self { fields, normals: has_normals, colors: packed.is_some() })
+        let intensities = intensity.is_some();
+        Ok(Self { fields, normals: has_normals, colors: packed.is_some(), intensities })
     }
 
     fn points(&self, count: usize) -> Result<Points> {
-        Points::with_capacity(count, self.normals, self.colors.then_some(ColorScale::Bytes))
+        Points::with_capacity(count, self.normals, self.colors.then_some(ColorScale::Bytes))?
+            .with_intensities(self.intensities)
     }
 }
 
@@ -100,7 +107,7 @@ fn read_text(header: &Header, wanted: &Wanted, mut lines: Lines) -> Result<Point
         if points.len() == header.points {
             return Err(line.refuse("a further point", format!("the header declares {}", header.points)));
         }
-        let mut row: Row = [0.0; 9];
+        let mut row: Row = [0.0; 10];
         let mut fields = wanted.fields.iter().peekable();
         for place in 0..header.row_words {
             let Some(field) = fields.next_if(|field| field.words == place) else {

@@ -50,6 +50,12 @@ impl Element<'_> {
         self.properties.iter().position(|each| each.length.is_none() && each.name == name.as_bytes())
     }
 
+    /// Index of the first property of one number with one of some names, ignoring case.
+    pub fn place_ignoring_case(&self, names: &[&str]) -> Option<usize> {
+        let is_named = |name: &[u8]| names.iter().any(|known| name.eq_ignore_ascii_case(known.as_bytes()));
+        self.properties.iter().position(|each| each.length.is_none() && is_named(each.name))
+    }
+
     /// Index of the property that lists the corners of a face, which has several names.
     pub fn list_of_corners(&self) -> Option<usize> {
         if let [only] = self.properties.as_slice() {

@@ -1,8 +1,8 @@
 //! PLY, the polygon file format (Turk 1994): a header that declares elements, then their rows in text or
 //! binary.
 //!
-//! Points are the element `vertex` with the properties x y z; nx ny nz and red green blue are read if
-//! present. Of 3D Gaussian splats (Kerbl et al. 2023; `opacity`, `scale_0`, `rot_0`), whose normals are
+//! Points are the element `vertex` with the properties x y z; nx ny nz, red green blue and intensity are
+//! read if present. Of 3D Gaussian splats (Kerbl et al. 2023; `opacity`, `scale_0`, `rot_0`), whose normals are
 //! placeholders, the visible ones are points. Triangles are the lists `vertex_indices` or `vertex_index` of
 //! the element `face`. All other elements are skipped, and data after the last element used are not read.
 
@@ -11,7 +11,9 @@ mod rows;
 
 use self::header::{Body, Element, Header};
 use self::rows::{BinaryRows, RowSource, TextRows};
-use super::cloud_content::{COLOR, CloudContent, ColorScale, NORMAL, POSITION, Points, Row};
+use super::cloud_content::{
+    COLOR, CloudContent, ColorScale, INTENSITY, INTENSITY_NAMES, NORMAL, POSITION, Points, Row,
+};
 use super::columns::{Column, read_columns};
 use super::fans::{Fans, row_of};
 use super::lines::check_room;
@@ -22,7 +24,7 @@ use crate::memory;
 /// Rows between two checks for an interruption.
 const CHECK_EVERY: usize = 1 << 12;
 
-/// Parses the points, normals, colours and triangles of a file.
+/// Parses the points, normals, colours, intensities and triangles of a file.
 ///
 /// # Errors
 /// [`Error::InvalidInput`] if the file is truncated or not a PLY file, [`Error::OutOfMemory`],
@@ -88,7 +90,12 @@ fn read_points(element: &Element, source: &mut impl RowSource, execution: &Execu
     for (from, to) in wanted.into_iter().filter_map(|(from, to)| Some(from?.into_iter().zip(to))).flatten() {
         columns[from] = Some(to);
     }
-    let mut points = Points::with_capacity(element.count, normal.is_some(), scale)?;
+    let intensity = element.place_ignoring_case(&INTENSITY_NAMES);
+    if let Some(from) = intensity {
+        columns[from] = Some(INTENSITY);
+    }
+    let mut points = Points::with_capacity(element.count, normal.is_some(), scale)?
+        .with_intensities(intensity.is_some())?;
     if let Some((bytes, order)) = source.take_fixed(element)? {
         let columns = fixed_columns(element, &columns)?;
         read_columns(&mut points, element.count, &columns, (bytes, order), execution)?;
@@ -99,7 +106,7 @@ fn read_points(element: &Element, source: &mut impl RowSource, execution: &Execu
             execution.check()?;
         }
         source.begin()?;
-        let mut row: Row = [0.0; 9];
+        let mut row: Row = [0.0; 10];
         for (property, column) in element.properties.iter().zip(&columns) {
             match column {
                 Some(column) => row[*column] = source.number(property.scalar)?,
