@@ -134,6 +134,42 @@ def test_graphs_are_read_as_they_were_written(tmp_path, suffix):
         assert ends == (1, 0)  # maps points of the source into the target
 
 
+def test_information_of_json_is_that_of_open3d(tmp_path):
+    """Rotation first, as its `get_information_matrix_from_point_clouds`; both solve a chain alike."""
+    registration = pytest.importorskip("open3d").pipelines.registration
+    step, far = np.eye(4), np.eye(4)
+    step[0, 3], far[0, 3] = 1.0, 1.2
+    weights = np.array([np.eye(6), np.diag([100.0] * 3 + [1e4] * 3)])
+    graph = PoseGraph([np.eye(4), step], [(0, 1)] * 2, [step, far], weights, [1.0, 1.0])
+    graph.write(tmp_path / "a.json")
+    import open3d  # noqa: PLC0415 - optional
+
+    theirs = open3d.io.read_pose_graph(str(tmp_path / "a.json"))
+    np.testing.assert_array_equal(theirs.edges[1].information, weights[1])
+    registration.global_optimization(
+        theirs,
+        registration.GlobalOptimizationLevenbergMarquardt(),
+        registration.GlobalOptimizationConvergenceCriteria(),
+        registration.GlobalOptimizationOption(reference_node=0),
+    )
+    assert graph.optimize().poses[1, 0, 3] == pytest.approx(theirs.nodes[1].pose[0, 3], abs=1e-4)
+
+
+@pytest.mark.parametrize("ids", [[0, 0], [0, 2**53]])
+def test_ids_that_files_cannot_hold_are_refused(ids):
+    with pytest.raises(InputError, match=r"ids: got .*; give different numbers below 2\^53"):
+        PoseGraph([np.eye(4)] * 2, [(0, 1)], [np.eye(4)], [np.eye(6)], ids=ids)
+
+
+@pytest.mark.parametrize(("weight", "way"), [(1e-100, 1.0), (1.0, 1e200)])
+def test_extreme_numbers_end(weight, way):
+    steps = np.tile(np.eye(4), (6, 1, 1))
+    steps[:, 0, 3] = way
+    edges = [(i, i + 1) for i in range(5)] + [(0, 5)]
+    graph = PoseGraph([np.eye(4)] * 6, edges, steps, [weight * np.eye(6)] * 6)
+    assert len(graph.optimize(robust=True).poses) == 6
+
+
 UNIT = "1 0 0 0 0 0 1 0 0 0 0 1 0 0 0 1 0 0 1 0 1"
 VERTEX = "VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1\n"
 
@@ -172,7 +208,7 @@ def test_semidefinite_edges_are_read_and_named(tmp_path, suffix, kind):
     swapped = matrix[np.ix_([3, 4, 5, 0, 1, 2], [3, 4, 5, 0, 1, 2])]
     if suffix == "json":
         document = json.loads(text)
-        document["edges"][2]["information"] = swapped.ravel().tolist()
+        document["edges"][2]["information"] = matrix.ravel().tolist()
         text = json.dumps(document)
     else:
         lines = text.splitlines()

@@ -14,16 +14,19 @@ from cgroup.io.files import load_json, number_lines
 from cgroup.io.scan_names import list_names
 from cgroup.rigid.transforms import quaternions, turn
 
+MOST_ID = 2**53  # numbers of nodes are smaller, so that floats are exact
 _UPPER = np.triu_indices(6)
 _PLACE = np.empty((6, 6), int)
 # Place of each entry of a symmetric matrix in its upper triangle
 _PLACE[_UPPER] = _PLACE.T[_UPPER] = np.arange(21)
 
-# Files of g2o and Open3D have the translation first
+# Files of g2o have the translation first; Open3D's have the rotation first, as here
 _SWAPPED = (slice(None), *np.ix_([3, 4, 5, 0, 1, 2], [3, 4, 5, 0, 1, 2]))
 _SKEWED = 1e-6  # difference from the transpose that rounding may cause, of matrices with a diagonal of ones
 _ROUNDING = 1e-4  # negative eigenvalues that rounding to few digits may cause, of the same
 _LEAST = 1e-9  # new value of such eigenvalues: too small to change a pose
+_SINGULAR = 2e-15  # eigenvalue of a singular matrix, up to rounding; far from the origin all come near it
+ROUNDED = 3e-14  # new value of eigenvalues that rounding made negative or zero
 
 _MOST_NAMED = 10
 # Numbers after the word that a line begins with
@@ -96,7 +99,7 @@ def _split(kind: str, rows: list[list[float]]) -> tuple[IndexArray, IndexArray, 
     is_edge, has_quaternion = kind.startswith("EDGE"), kind.endswith("QUAT")
     lines, nodes, shifts, rest = np.split(table, np.cumsum([1, 1 + is_edge, 3]), axis=1)
     lines = lines[:, 0].astype(int)
-    whole = (nodes == np.floor(nodes)) & (np.abs(nodes) < 2.0**53)
+    whole = (nodes == np.floor(nodes)) & (np.abs(nodes) < MOST_ID)
     _refuse(lines, ~whole.all(axis=1), "the number of a node is no whole number")
     if has_quaternion:
         length = np.linalg.norm(rest[:, :4], axis=1)
@@ -117,7 +120,7 @@ def _refuse(lines: IndexArray, is_bad: BoolArray, reason: str) -> None:
         raise InputError(f"line {lines[int(np.argmax(is_bad))]}: {reason}")
 
 
-def definite(information: FloatArray) -> tuple[FloatArray, BoolArray]:
+def definite(information: FloatArray, least: float = _LEAST) -> tuple[FloatArray, BoolArray]:
     """Increase the eigenvalues of semi-definite matrices, up to rounding; return also their mask."""
     # Eigenvalues are those of the matrix that is scaled to a diagonal of ones.
     changed = np.zeros(len(information), bool)
@@ -134,7 +137,7 @@ def definite(information: FloatArray) -> tuple[FloatArray, BoolArray]:
         if values[0] >= -_ROUNDING:
             if not changed.any():
                 information = information.copy()
-            raised = (vectors * np.maximum(values, _LEAST)) @ vectors.T
+            raised = (vectors * np.maximum(values, least)) @ vectors.T
             raised = (raised + raised.T) / 2 * np.outer(scale, scale)
             information[row], changed[row] = raised, True
     return information, changed
@@ -147,7 +150,7 @@ def singular(information: FloatArray) -> BoolArray:
         scaled = information / (diagonal[:, :, None] * diagonal[:, None, :])
         skewed = np.abs(scaled - scaled.transpose(0, 2, 1)).max(axis=(1, 2))
     scaled[~(skewed < _SKEWED)] = 0  # also those that aren't finite
-    return np.linalg.eigvalsh(scaled)[:, 0] <= 1e-12
+    return np.linalg.eigvalsh(scaled)[:, 0] <= _SINGULAR
 
 
 def format_g2o(graph: GraphContent, names: Sequence[str] = ()) -> str:
@@ -174,7 +177,7 @@ def parse_json(content: str) -> GraphContent:
         poses = _by_columns([node["pose"] for node in graph["nodes"]], 4)
         ends = np.array([(edge["target_node_id"], edge["source_node_id"]) for edge in edges])
         measurements = _by_columns([edge["transformation"] for edge in edges], 4)
-        information = _by_columns([edge["information"] for edge in edges], 6)[_SWAPPED]
+        information = _by_columns([edge["information"] for edge in edges], 6)
         information, changed = definite(information)
         probability = np.array([0.5 if edge["uncertain"] else 1.0 for edge in edges])
     except (KeyError, TypeError, ValueError, OverflowError) as error:
@@ -201,7 +204,7 @@ def format_json(graph: GraphContent, names: Sequence[str] = ()) -> str:
     """Return Open3D's JSON; if the nodes are scans, it contains their names and rows."""
     poses, measurements, information = (
         [matrix.T.ravel().tolist() for matrix in matrices]
-        for matrices in (graph.poses, graph.measurements, graph.information[_SWAPPED])
+        for matrices in (graph.poses, graph.measurements, graph.information)
     )
     uncertain = (graph.probability < 1).tolist()
     version = {"version_major": 1, "version_minor": 0}

@@ -101,6 +101,8 @@ class PoseGraph:
             raise refusal("probability", self.probability, "give numbers between 0 and 1")
         kept = self._numbers("kept", "truth values", count)
         ids = self._numbers("ids", "whole numbers", nodes)
+        if len(np.unique(ids)) < nodes or (np.abs(ids) >= files.MOST_ID).any():
+            raise refusal("ids", self.ids, "give different numbers below 2^53")
         checked = poses, edges, measurements, information, probability, kept, ids
         for name, value in zip(self.__dataclass_fields__, checked, strict=False):
             own = np.array(value, order="C")  # as the compiled core reads it
@@ -147,7 +149,8 @@ class PoseGraph:
         ----------
         path : path-like
             Its suffix selects g2o or Open3D's JSON. JSON keeps poses to the bit; g2o has quaternions and
-            keeps rotations to rounding.
+            keeps rotations to rounding. Its information is that of rotation vectors, as GTSAM and Ceres read
+            it; g2o itself takes it for that of the vector part of the quaternion.
         """
         path = written_path(path, "pose graphs", ".g2o", ".json")
         write_file(path, self.encode(path.suffix.lower()))

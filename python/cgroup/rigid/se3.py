@@ -8,6 +8,7 @@ from cgroup._checks.arrays import FloatArray
 from cgroup.rigid.transforms import apply, axis_of, invert
 
 _FADED = 1e-9  # sine of a rotation below which it is rounding
+_ROUNDED = 1e-9  # share of the largest variance below which one is rounding
 
 
 def cross(vectors: FloatArray) -> FloatArray:
@@ -62,6 +63,20 @@ def adjoint(pose: FloatArray) -> FloatArray:
     change[..., :3, :3] = change[..., 3:, 3:] = pose[..., :3, :3]
     change[..., 3:, :3] = cross(pose[..., :3, 3]) @ pose[..., :3, :3]
     return change
+
+
+def information_of(covariance: FloatArray) -> FloatArray:
+    """Return the inverses (n,6,6) of covariances of motions, whose points may be far from the origin."""
+    turned, mixed = covariance[:, :3, :3], covariance[:, :3, 3:]
+    lever = np.linalg.solve(turned, mixed)
+    values, axes = np.linalg.eigh(covariance[:, 3:, 3:] - mixed.transpose(0, 2, 1) @ lever)
+    known = np.maximum(values, _ROUNDED * values[:, 2:])  # rounding may make them negative
+    inner = axes / known[:, None] @ axes.transpose(0, 2, 1)
+    change, blocks = np.tile(np.eye(6), (2, len(covariance), 1, 1))
+    change[:, :3, 3:] = -lever
+    blocks[:, :3, :3], blocks[:, 3:, 3:] = np.linalg.inv(turned), inner
+    information = change @ blocks @ change.transpose(0, 2, 1)
+    return (information + information.transpose(0, 2, 1)) / 2
 
 
 Convention: TypeAlias = Literal["gtsam", "g2o", "ros"]

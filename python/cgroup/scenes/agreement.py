@@ -14,6 +14,21 @@ def move_each(poses: FloatArray, points: FloatArray) -> FloatArray:
     return np.einsum("nij,nj->ni", poses[:, :3, :3], points) + poses[:, :3, 3]
 
 
+def move_frames(poses: FloatArray, points: FloatArray) -> FloatArray:
+    """Return the poses (n,4,4) of frames whose origins are moved to points (n,3)."""
+    moved = poses.copy()
+    moved[:, :3, 3] = move_each(poses, points)
+    return moved
+
+
+def center_links(pairs: IndexArray, poses: FloatArray, middles: FloatArray) -> FloatArray:
+    """Return poses of sources on targets, (n,4,4), between frames at the middles of the scans."""
+    sources, targets = pairs.T
+    moved = move_frames(poses, middles[sources])
+    moved[:, :3, 3] -= middles[targets]
+    return moved
+
+
 def squared_errors(
     found: FloatArray, expected: FloatArray, covariance: FloatArray, middles: FloatArray, voxel: float
 ) -> FloatArray:

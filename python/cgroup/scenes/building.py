@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from cgroup.registration.pairwise import Depth, FalseAccepts, count_false_accept
 from cgroup.rigid import invert
 from cgroup.rigid.se3 import adjoint
 from cgroup.scenes import settings
-from cgroup.scenes.agreement import weigh_by_triangles
+from cgroup.scenes.agreement import move_frames, weigh_by_triangles
 from cgroup.scenes.decide import Decision, decide, follow_best, graph_of, weigh_residuals
 from cgroup.scenes.join import Join, cross_tasks, link_unions, propose_joins, task_of, weigh_join
 from cgroup.scenes.known import KnownPoses
@@ -48,6 +49,10 @@ class SceneBuilder:
         self._seen: set[Pair] = set()  # links that the surfaces do not reject
         self._firm: set[Pair] = set()  # links of joined unions, and those within them
         self._decision = self._decide()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the state without workers and clock; `grown` makes its own."""
+        return {**vars(self), "_call": None, "_clock": StageClock(ignore_progress)}
 
     def _decide(self) -> Decision:
         """Select consistent links, then reject those whose surfaces disagree, until none is rejected."""
@@ -209,12 +214,12 @@ class SceneBuilder:
         refined = {pair: self._links[pair] for pair in kept} | refined
         self._move(self._graph(refined))
         for _ in range(settings.UNION_ROUNDS):
-            self._move(refine_on_unions(self._call, sorted(refined), self._decision))
-        graph, nodes, _ = self.known.hold(self._graph(refined))
+            self._move(refine_on_unions(self._call, sorted(refined), self._decision, self._middles))
+        graph, nodes, *_ = self.known.hold(self._graph(refined), self._middles)
         found, measured, *_ = stack_links(self._links, list(kept))
         _, _, least = follow_best(found, measured, np.array(list(kept.values())), len(self.scans))
         poses = self.known.restore(self._decision.poses, labels)
-        changes = zip(nodes.tolist(), map(adjoint, poses), strict=True)
+        changes = zip(nodes.tolist(), adjoint(move_frames(poses, self._middles)), strict=True)
         covariance = np.array([by @ graph.covariance(node) @ by.T for node, by in changes])
         return Scene(
             poses=poses,
@@ -232,8 +237,7 @@ class SceneBuilder:
         )
 
     def _move(self, graph: PoseGraph) -> None:
-        held, nodes, offsets = self.known.hold(graph)
-        poses = held.optimize(start="given").poses[nodes] @ offsets
+        poses = self.known.solve(graph, self._middles)
         self._decision = replace(self._decision, poses=self.known.settle(poses, self._decision.labels))
 
     def _graph(self, refined: dict[Pair, Link]) -> PoseGraph:

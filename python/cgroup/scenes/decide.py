@@ -8,9 +8,9 @@ import numpy as np
 from cgroup.pose_graph import PoseGraph
 from cgroup.registration.pairwise import ACCEPTED
 from cgroup.rigid import invert
-from cgroup.rigid.se3 import about, covariance_in
+from cgroup.rigid.se3 import adjoint, information_of
 from cgroup.scenes import settings
-from cgroup.scenes.agreement import squared_errors, weigh_by_triangles
+from cgroup.scenes.agreement import center_links, move_frames, squared_errors, weigh_by_triangles
 from cgroup.scenes.links import Link, Pair, stack_links
 from cgroup.types import BoolArray, FloatArray, IndexArray
 
@@ -60,7 +60,7 @@ def decide(
     kept[kept] = drop_weak_bridges(pairs[kept], prior[kept], is_firm[kept], count)
     poses, labels, _ = follow_best(pairs[kept], measured[kept], posterior[kept], count)
     graph = graph_of(poses, pairs[kept], measured[kept], spread[kept], posterior[kept], middles, voxel)
-    solved = graph.optimize(start="given").poses
+    solved = move_frames(graph.optimize(start="given").poses, -middles)
     poses = np.array([invert(solved[label]) @ pose for label, pose in zip(labels, solved, strict=True)])
     selected = {rows[row]: float(posterior[row]) for row in np.flatnonzero(kept)}
     return Decision(poses, labels, selected)
@@ -76,17 +76,21 @@ def graph_of(
     voxel: float,
     share: float = 1.0,
 ) -> PoseGraph:
-    """Return a pose graph of links; a part of the least deviations is added to their covariances."""
-    information = np.empty((len(pairs), 6, 6))
+    """Return a pose graph of links; a part of the least deviations is added to their covariances.
+
+    The frames of its nodes are at the middles of the scans, which may be far from the origin.
+    """
     turn, shift = share * settings.LEAST_TURN, share * settings.LEAST_SHIFT * voxel
-    for row, (source, _) in enumerate(pairs.tolist()):
-        own = covariance_in("gtsam", spread[row], measured[row])
-        change = about(-middles[source])  # from motions about the middle of the source
-        floor = change @ np.diag([turn**2] * 3 + [shift**2] * 3) @ change.T
-        inverse = np.linalg.inv(own + floor)
-        information[row] = (inverse + inverse.T) / 2
-    trusted = np.minimum(chances, settings.LARGEST_CHANCE)
-    return PoseGraph(poses, pairs[:, ::-1], measured, information, trusted)
+    landed = move_frames(measured, middles[pairs[:, 0]])
+    change = adjoint(np.asarray(np.linalg.inv(landed), np.float64))  # to motions in the frame of the source
+    floor = np.diag([turn**2] * 3 + [shift**2] * 3)
+    return PoseGraph(
+        move_frames(poses, middles),
+        pairs[:, ::-1],
+        center_links(pairs, measured, middles),
+        information_of(change @ spread @ change.transpose(0, 2, 1) + floor),
+        np.minimum(chances, settings.LARGEST_CHANCE),
+    )
 
 
 def follow_best(

@@ -9,7 +9,7 @@ from cgroup.rigid import invert, rotation_error
 from cgroup.rigid.se3 import adjoint
 from cgroup.rigid.transforms import apply
 from cgroup.scenes import settings
-from cgroup.scenes.agreement import squared_errors
+from cgroup.scenes.agreement import move_frames, squared_errors
 from cgroup.scenes.links import Link, Pair
 from cgroup.types import FloatArray, IndexArray
 
@@ -63,12 +63,20 @@ class KnownPoses:
         restored[self.rows] = np.reshape(self._given, (-1, 4, 4))
         return restored
 
-    def hold(self, graph: PoseGraph) -> tuple[PoseGraph, IndexArray, FloatArray]:
-        """Return a graph whose first node is all known scans, the node of each scan, and its pose there."""
+    def solve(self, graph: PoseGraph, middles: FloatArray) -> FloatArray:
+        """Return the poses of minimum cost; the graph's frames are at the middles of the scans."""
+        held, nodes, offsets, base = self.hold(graph, middles)
+        return move_frames(base @ held.optimize(start="given").poses[nodes] @ offsets, -middles)
+
+    def hold(
+        self, graph: PoseGraph, middles: FloatArray
+    ) -> tuple[PoseGraph, IndexArray, FloatArray, FloatArray]:
+        """Return a graph whose first node is all known scans, node and pose there of each, and the node's."""
         offsets, is_known = np.tile(np.eye(4), (len(graph.poses), 1, 1)), np.zeros(len(graph.poses), bool)
         if not self.rows:
-            return graph, np.arange(len(graph.poses)), offsets
-        offsets[self.rows], is_known[self.rows] = self._poses, True
+            return graph, np.arange(len(graph.poses)), offsets, np.eye(4)
+        placed = move_frames(np.reshape(self._poses, (-1, 4, 4)), middles[self.rows])
+        offsets[self.rows], is_known[self.rows] = invert(placed[0]) @ placed, True
         nodes = np.where(is_known, 0, np.cumsum(~is_known))
         one, other = graph.edges.T
         back = np.asarray(np.linalg.inv(offsets[other]), np.float64)
@@ -76,10 +84,10 @@ class KnownPoses:
         information = change.transpose(0, 2, 1) @ graph.information @ change
         free = nodes[one] != nodes[other]
         held = PoseGraph(
-            np.concatenate([np.eye(4)[None], graph.poses[~is_known]]),
+            np.concatenate([np.eye(4)[None], invert(placed[0]) @ graph.poses[~is_known]]),
             nodes[graph.edges][free],
             (offsets[one] @ graph.measurements @ back)[free],
             ((information + information.transpose(0, 2, 1)) / 2)[free],
             graph.probability[free],
         )
-        return held, nodes, offsets
+        return held, nodes, offsets, placed[0]

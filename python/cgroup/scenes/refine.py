@@ -9,11 +9,13 @@ import numpy as np
 
 from cgroup.errors import InputError
 from cgroup.pose_graph import PoseGraph
+from cgroup.pose_graph.files import singular
 from cgroup.registration import PreparedScan
 from cgroup.registration.pairwise import FINE
 from cgroup.rigid import apply
+from cgroup.rigid.se3 import about
 from cgroup.scenes import settings
-from cgroup.scenes.agreement import squared_errors
+from cgroup.scenes.agreement import center_links, move_frames, squared_errors
 from cgroup.scenes.decide import Decision
 from cgroup.scenes.links import Link, Pair, confirm, stack_links
 from cgroup.scenes.workers import CallEach
@@ -64,8 +66,13 @@ def refine_pairs(
     return dict(itertools.compress(links.items(), is_near))
 
 
-def refine_on_unions(call: CallEach, pairs: Sequence[Pair], decision: Decision) -> PoseGraph:
-    """Refine each scan on the union of its partners; return the pose graph of the results."""
+def refine_on_unions(
+    call: CallEach, pairs: Sequence[Pair], decision: Decision, middles: FloatArray
+) -> PoseGraph:
+    """Refine each scan on the union of its partners; return the pose graph of the results.
+
+    Its frames are at the middles of the scans.
+    """
     beside: dict[int, list[int]] = defaultdict(list)
     for one, other in pairs:
         beside[one].append(other)
@@ -79,23 +86,23 @@ def refine_on_unions(call: CallEach, pairs: Sequence[Pair], decision: Decision) 
     information: list[FloatArray] = []
     for row, one in zip(rows, found, strict=True):
         if one is not None:
-            edges += [(other, row) for other in beside[row]]
+            edges += [(row, other) for other in beside[row]]
             measured += [decision.between(row, other) @ one[0] for other in beside[row]]
             information += len(beside[row]) * [one[1] / len(beside[row])]
-    stiffness = np.array(information).reshape(-1, 6, 6)
+    stiffness, joined = np.array(information).reshape(-1, 6, 6), np.array(edges, np.int64).reshape(-1, 2)
     return PoseGraph(
-        decision.poses,
-        np.array(edges, dtype=np.int64).reshape(-1, 2),
-        np.array(measured).reshape(-1, 4, 4),
-        (stiffness + stiffness.transpose(0, 2, 1)) / 2,
+        move_frames(decision.poses, middles),
+        joined[:, ::-1],
+        center_links(joined, np.array(measured).reshape(-1, 4, 4), middles),
+        stiffness,
     )
 
 
 def refine_on_union(*scans_and_poses: Any) -> tuple[FloatArray, FloatArray] | None:  # noqa: ANN401 - both kinds
     """Refine the first scan on the union of the others, whose poses in its frame come last.
 
-    Returns the motion of the scan in its own frame, and the information of the last step; None without
-    overlap.
+    Returns the motion of the scan in its own frame, and the information of the last step about its middle;
+    None without overlap, and so far from the origin that rounding makes the information singular.
     """
     *scans, poses = scans_and_poses
     first = scans[0]
@@ -113,6 +120,8 @@ def refine_on_union(*scans_and_poses: Any) -> tuple[FloatArray, FloatArray] | No
             return None
         noise = found.rmse**2 + (settings.LEAST_DEVIATION * first.voxel) ** 2
         weight = settings.HELD * float(np.trace(found.information[3:, 3:]))
-        held = weight * np.diag([first.voxel**2] * 3 + [1.0] * 3)
-        return found.T_target_source, (found.information + held) / noise
+        held, change = weight * np.diag([first.voxel**2] * 3 + [1.0] * 3), about(-first.scan.centroid)
+        information = change.T @ found.information @ change
+        information = ((information + information.T) / 2 + held) / noise
+        return None if singular(information[None])[0] else (found.T_target_source, information)
     return None

@@ -120,7 +120,7 @@ def register_all(
     ready, notes = _prepare_each([*zip(called, given, places, strict=True)], voxel, threads, begin)
     if len(ready) < 2:
         got = f"{len(ready)} that can be worked with"
-        raise InputError("scans", got, f"give two or more; {'; '.join(notes)}")
+        raise InputError("scans", got, f"give two or more; {'; '.join(notes[:3])}")
     rows, scans = list(ready), list(ready.values())
     if wanted is not None:
         place = {row: number for number, row in enumerate(rows)}
@@ -140,8 +140,9 @@ def add_scan(scene: Scene, scan: PreparedScan | Cloud | AnyCloud, viewpoint: Arr
     building, rows, notes = scene.made
     given, row = [*scene.scans, scan], len(scene.scans)
     name = f"scans[{row}]"
-    shared = agree([as_given(name, building.scans[0])], None, None, None)._replace(threads=1)
-    ready = shared.finish(as_given(name, scan, viewpoint, or_stored=True)).begin()
+    new = as_given(name, scan, viewpoint, or_stored=True)
+    shared = agree([as_given(name, building.scans[0]), new], None, None, None)._replace(threads=1)
+    ready = shared.finish(new).begin()
     names = [*scene.names, *_as_names(None, given)[row:]]
     with open_workers([*building.scans, ready], None) as call:
         return _finish(building.grown(ready, call), [*rows, row], given, names, notes)

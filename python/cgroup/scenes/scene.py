@@ -23,10 +23,10 @@ from cgroup.io import write_cloud, write_file
 from cgroup.io.files import check_outputs, number_lines, written_path
 from cgroup.io.scan_names import list_names, names_file
 from cgroup.pose_graph import PoseGraph
-from cgroup.pose_graph.files import motion_lines
+from cgroup.pose_graph.files import ROUNDED, definite, motion_lines
 from cgroup.registration import PreparedScan
 from cgroup.registration.pairwise import FalseAccepts, merge_clouds
-from cgroup.rigid.se3 import covariance_in
+from cgroup.rigid.se3 import covariance_in, information_of
 from cgroup.types import AnyCloud, FloatArray, PointCloud
 from cgroup.types.point_cloud import as_cloud
 
@@ -189,12 +189,12 @@ class Scene:
         among = self._edges_among(rows)
         edges = [edge for _, _, edge in among]
         spreads = [covariance_in("gtsam", edge.covariance, edge.T_target_source) for edge in edges]
-        information = np.linalg.inv(np.reshape(spreads, (-1, 6, 6)))
+        information, _ = definite(information_of(np.reshape(spreads, (-1, 6, 6))), ROUNDED)
         return PoseGraph(
             self.poses[rows],
             np.array([(target, source) for source, target, _ in among]),
             np.array([edge.T_target_source for edge in edges]),
-            (information + information.transpose(0, 2, 1)) / 2,
+            information,
             np.array([edge.probability for edge in edges]),
             np.array([edge.kept for edge in edges]),
             np.array(rows),

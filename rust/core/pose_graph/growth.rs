@@ -70,7 +70,7 @@ pub fn grow(
             }
             open.retain(|&k| !held[k]);
         }
-        if sees_all {
+        if sees_all || !reach.is_finite() {
             break;
         }
         reach *= 2.0;
