@@ -226,6 +226,21 @@ impl Level {
             Ok(Some(Registered { core: core::Registered::alone(found, [source, target]) }))
         })
     }
+
+    /// The overlap of both scans under each pose, and the root mean square of the distances there.
+    fn overlap<'py>(
+        &self,
+        py: Python<'py>,
+        target: &Self,
+        poses: PyReadonlyArray3<'py, f64>,
+        run_options: RunOptions,
+    ) -> PyResult<Vec<(f64, f64, f64)>> {
+        let (source, target, poses) = (Arc::clone(&self.core), Arc::clone(&target.core), transforms(&poses)?);
+        run(py, &run_options, move |execution| {
+            let pair = Pair { source: &source, target: &target };
+            poses.iter().map(|pose| core::overlap_at(pair, pose, execution)).collect()
+        })
+    }
 }
 
 fn triples<'py>(py: Python<'py>, rows: &[Vector3<f64>]) -> PyResult<Bound<'py, PyArray2<f64>>> {

@@ -108,7 +108,18 @@ def found(**changes: Any) -> Found:
     points = np.random.default_rng(0).uniform(-5, 5, size=(900, 3))
     matches = Correspondences(points, points + ([[2.0, 0, 0], [2.001, 0, 0], [0, 0, 0]] * 300))
     made = Found(
-        np.eye(4), 0.95, poses((90, 0)), 0.8, 0.8, 0.1, None, matches, points, 1.0, lambda: np.eye(6)
+        np.eye(4),
+        0.95,
+        poses((90, 0)),
+        0.8,
+        0.8,
+        0.1,
+        None,
+        matches,
+        points,
+        1.0,
+        lambda: np.eye(6),
+        lambda some: [(0.8, 0.8, 0.1)] * len(some),
     )
     return replace(made, **changes)
 

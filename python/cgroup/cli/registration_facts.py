@@ -83,13 +83,17 @@ def placement_facts(done: Document, middle: Sequence[float]) -> list[tuple[str, 
         facts.append(("scale", f"{scale:.5g} (the source's unit in the target's){deviation}"))
     chance = "more than 0.999" if done["probability"] > 0.9995 else f"{done['probability']:.3f}"
     shares = [f"{100 * done[name]:.0f} %" for name in ("fitness", "target_fitness")]
-    deviations = f"{done['deviation_deg']:.2g} degrees, {show_length(done['deviation'], 2)} at the middle"
     facts += [
         ("probability", f"{chance} that the pose is correct"),
         ("overlap", f"{shares[0]} of the source overlaps the target, {shares[1]} of the target the source"),
-        ("residual", f"{show_length(done['inlier_rmse'])} in the overlap (root mean square)"),
-        ("deviation", f"{deviations} (standard deviation from noise and shape; other errors add to it)"),
     ]
+    if done["inlier_rmse"] is not None:
+        residual = f"{show_length(done['inlier_rmse'])} in the overlap (root mean square)"
+        facts.append(("residual", residual))
+    if done["deviation"] is not None:
+        deviations = f"{done['deviation_deg']:.2g} degrees, {show_length(done['deviation'], 2)} at the middle"
+        deviations += " (standard deviation from noise and shape; other errors add to it)"
+        facts.append(("deviation", deviations))
     if "truth" in done:
         facts.append(("truth", describe_truth(done)))
     return facts + [("note", note) for note in done["notes"]]

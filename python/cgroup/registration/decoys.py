@@ -12,6 +12,7 @@ from cgroup.registration.judge import is_accepted
 from cgroup.registration.result import Registration
 
 _QUANTILE = 1.959964  # of the standard normal distribution, for 95 %
+_TOO_FEW = 50.0  # upper end of an interval, in %, from which the share is unknown
 
 
 @dataclass(frozen=True)
@@ -38,9 +39,14 @@ class FalseAccepts:
         if not self.accepted:
             return f"none of {self.pairs} poses accepted"
         low, high = (100 * bound for bound in self.interval)
+        share = (
+            f"about {100 * self.share:.3g} % ({low:.3g} to {high:.3g} %)"
+            if high < _TOO_FEW
+            else "an unknown share"
+        )
         return (
-            f"about {100 * self.share:.3g} % of {self.accepted} accepted poses are wrong "
-            f"({low:.3g} to {high:.3g} %): {self.decoys} of {self.pairs} mirrored sources would be accepted"
+            f"of {self.accepted} accepted poses, {share} are wrong: {self.decoys} of {self.pairs} mirrored "
+            "sources would be accepted"
         )
 
 

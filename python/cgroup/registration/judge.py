@@ -43,6 +43,7 @@ class Found:
     points: FloatArray  # (M,3), voxels of the source
     voxel: float  # of the search
     covariance: Callable[[], FloatArray]  # computes the covariance, (6,6)
+    overlap: Callable[[FloatArray], list[tuple[float, ...]]]  # of poses (k,4,4): fitness of both, rmse
     motions: int = 0  # number of open motions
     cases: Sequence[Case] = ()  # evidence for the pose, and for its rivals
     shares: FloatArray = field(default_factory=lambda: np.empty(0))  # probability of rivals, as a multiple
@@ -138,7 +139,7 @@ def are_alternatives(probability: float, shares: FloatArray) -> BoolArray:
 
 def share_left(moved: float) -> float:
     """Return the share of a given pose's probability that is left if refining moves it by some voxels."""
-    return 0.5 ** (moved / MOVED_BY_REFINING) ** 4
+    return 0.5 ** min(moved / MOVED_BY_REFINING, 1e9) ** 4
 
 
 def bound_by_size(probability: float, *scans: PreparedScan) -> float:

@@ -237,7 +237,7 @@ def assess(
     -------
     Registration
         Of the given pose; the reason for a refusal is the first of the `notes`. A better pose that the search
-        found is the first of the `alternatives`.
+        found is the first of the `alternatives`; the covariance of the given one is then NaN.
 
     Raises
     ------
@@ -268,11 +268,14 @@ def assess(
         raise NoConsensusError("no pose that keeps the axis, neither that given nor another")
     points, best = found.points, found.pose
     moved = float(np.sqrt(((apply(given, points) - apply(best, points)) ** 2).sum(axis=1).mean()))
-    chance = found.probability * share_left(moved / scans[0].voxel)
-    judgement = judge(replace(found, probability=chance), *scans, direction)
+    chance, others = found.probability * share_left(moved / scans[0].voxel), found.alternatives
+    [(fitness, target_fitness, rmse)] = found.overlap(np.ascontiguousarray(given)[None])
+    there = {"fitness": fitness, "target_fitness": target_fitness, "rmse": rmse}
+    placed = replace(found, pose=given, probability=chance, **there)
+    judgement = judge(placed, *scans, direction)
     notes = judgement.notes
-    others = found.alternatives
     if is_accepted(found.probability) and not judgement.ok:
+        placed = replace(placed, covariance=lambda: np.full((6, 6), np.nan))
         far = moved > sum(scan.scan.cloud.diagonal for scan in scans)
         where = f"{moved:.3g} away on average over the source, {moved / scans[0].voxel:.1f} voxels"
         if far:
@@ -281,8 +284,8 @@ def assess(
         others = np.concatenate([best[None], others])
     elif judgement.reason:
         notes = (judgement.reason, *notes)
-    done = registration_of(found, judgement, clock.stop())
-    return replace(done, T_target_source=given, notes=notes, alternatives=others)
+    done = registration_of(placed, judgement, clock.stop())
+    return replace(done, notes=notes, alternatives=others)
 
 
 @report_refused_memory()

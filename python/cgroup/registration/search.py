@@ -122,7 +122,7 @@ def found_of(
     matches: Correspondences | None = None,
 ) -> Found:
     """Return the result of the compiled core, with its own matches unless others are given."""
-    level = found.levels[0]
+    level, other_level = found.levels
     if matches is None:
         one, other, similarity, ratio, source_lrf, target_lrf = found.matches
         centroid = np.array(source.scan.centroid)
@@ -150,6 +150,7 @@ def found_of(
         level.points,
         source.voxel,
         partial(_core.covariance, found, run_options(threads)),
+        lambda poses: level.overlap(other_level, poses, run_options(threads)),
         motions=found.motions,
         cases=found.cases,
         shares=found.shares,

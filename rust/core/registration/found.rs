@@ -6,11 +6,23 @@ use crate::error::Result;
 use crate::execution::Execution;
 use crate::geometry::rigid::Rigid;
 use crate::pose_graph::motion::{adjoint, inverse};
-use crate::verification::Alignment;
+use crate::verification::{Alignment, overlap};
 
 use super::covariance::covariance_of;
 use super::level::Pair;
 use super::posterior::Case;
+
+/// Returns the share of the source's surface that overlaps the target's under a pose, that of the target's, and the root mean
+/// square of the distances.
+///
+/// # Errors
+/// [`crate::Error::Interrupted`], [`crate::Error::OutOfMemory`].
+pub fn overlap_at(pair: Pair<'_>, pose: &Rigid, execution: &Execution) -> Result<(f64, f64, f64)> {
+    let (source, target) = (pair.source.surface(), pair.target.surface());
+    let (one, other) =
+        (overlap(source, target, pose, execution)?, overlap(target, source, &inverse(pose), execution)?);
+    Ok((one.fitness, other.fitness, one.inlier_rmse))
+}
 
 /// The best pose of a search at one voxel size, with the evidence for it.
 #[derive(Debug)]

@@ -34,7 +34,7 @@ mod voxel_size;
 pub use clock::STAGES;
 pub use covariance::covariance_of;
 pub use evidence::Evidence;
-pub use found::Found;
+pub use found::{Found, overlap_at};
 pub use layers::shows_layers;
 pub use level::{Described, Level, Outside, Pair, Radii, Refusal};
 pub use nearby::Nearby;

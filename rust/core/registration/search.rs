@@ -9,15 +9,14 @@ use crate::error::Result;
 use crate::execution::Execution;
 use crate::geometry::rigid::Rigid;
 use crate::memory;
-use crate::pose_graph::motion::inverse;
 use crate::verification::schedule::Evidence as MatchedPoints;
-use crate::verification::{Alignment, DIFFERENT, Verified, align, align_by, overlap, race, score_poses};
+use crate::verification::{Alignment, DIFFERENT, Verified, align, align_by, race, score_poses};
 
 use super::clock::{Clock, Stage};
 use super::covariance::{count_open_motions, resisted};
 use super::decoy::{Chance, Decoy};
 use super::evidence::{Evidence, misfit};
-use super::found::Found;
+use super::found::{Found, overlap_at};
 use super::level::{FinePair, Pair};
 use super::options::{Effort, Options, Proposer};
 use super::parts::propose_by_parts;
@@ -364,9 +363,7 @@ impl<'a> Run<'a> {
         let (pair, execution, pose) = (self.pair, self.execution, found.refined.pose);
         (found.scale_factor, found.better_scale) = compare_scales(pair, &pose, found.probability, execution)?;
         found.probability *= found.scale_factor;
-        let (source, target) = (pair.source.surface(), pair.target.surface());
-        found.fitness = overlap(source, target, &pose, execution)?.fitness;
-        found.target_fitness = overlap(target, source, &inverse(&pose), execution)?.fitness;
+        (found.fitness, found.target_fitness, _) = overlap_at(pair, &pose, execution)?;
         Ok(())
     }
 }
