@@ -13,10 +13,11 @@ from placed_scenes import PAIR, known_scene
 from cgroup import InputError
 from cgroup.cli import terminal
 from cgroup.cli.commands import merge
+from cgroup.cli.files import name_frames, write_pose
 from cgroup.io import read_cloud, read_transforms, write_cloud
 from cgroup.registration import FalseAccepts
 from cgroup.registration.decoys import count_false_accepts
-from cgroup.rigid import rotation_error
+from cgroup.rigid import apply, invert, rotation_error
 from cgroup.scenes import PoseGraph, Scene
 
 Capture = pytest.CaptureFixture[str]
@@ -213,6 +214,78 @@ def test_a_folder_and_a_pattern_are_their_clouds_by_name(
         _, out, _ = run(capsys, "merge", *given, "--out", "scene")
         assert [Path(scan).name for scan in calls.pop()["scans"]] == taken
         assert [line.split()[0] for line in out.splitlines()[1:][: len(taken)]] == taken
+
+
+def test_earlier_results_are_no_scans_and_removed_ones_are_listed(
+    calls: list[dict[str, Any]], capsys: Capture
+) -> None:
+    _, out, _ = run(capsys, "merge", ".", "--out", ".", "--html")
+    assert "removed" not in out
+    _, out, _ = run(capsys, "merge", ".", "--out", ".", "--voxel", "5")
+    assert [[Path(scan).name for scan in call["scans"]] for call in calls] == [sorted(NAMES)] * 2
+    assert Path("merged.ply").exists()
+    assert not Path("scene.html").exists()
+    assert "removed     scene.html of an earlier run" in out
+    _, out, _ = run(capsys, "merge", ".", "--out", ".", "--voxel", "6", "--json")
+    assert json.loads(out)["results"]["removed"] == []
+    write_cloud("merged.ply", read_cloud("front.ply"))  # no longer as cgroup wrote it
+    run(capsys, "merge", ".", "--out", "elsewhere")
+    assert "merged.ply" in [Path(scan).name for scan in calls[-1]["scans"]]
+    run(capsys, "merge", *NAMES, "--out", "scene")
+    assert "got a folder without clouds but results of cgroup" in fail(capsys, "merge", "scene")
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("front_on_site.txt", "# pose of /scans/{} in the frame of /job/site.ply\n"),
+        ("known.tum", "# scan 0: other.ply\n# scan 1: {}\n"),
+    ],
+)
+@pytest.mark.parametrize("called", ["side.ply", "side.csv", "old/side.laz"])
+def test_known_poses_are_those_of_the_named_scans(
+    calls: list[dict[str, Any]], capsys: Capture, name: str, content: str, called: str
+) -> None:
+    pose = known_scene().poses[1]
+    row = f"1 {' '.join(map(repr, pose[:3, 3].tolist()))} 0 0 0 1\n"
+    Path(name).write_text(row * content.count("# ") + content.format(called))
+    write_pose(Path("front_on_b.txt"), pose, name_frames(Path("front.las"), Path("b.ply")))
+    run(capsys, "merge", *NAMES, "--known", name, "--known", "front_on_b.txt")
+    found = calls[0]["known"]
+    assert [*found] == [1, 0]
+    np.testing.assert_array_equal(found[1][:3], np.column_stack([np.eye(3), pose[:3, 3]]))
+    np.testing.assert_array_equal(found[0], pose)
+    Path(name).write_text(row)
+    message = fail(capsys, "merge", *NAMES, "--known", name)
+    assert f"--known: got {name}: 1 poses, 0 names, 0 of them of these scans; name the scan" in message
+
+
+def test_targets_of_scans_give_their_poses(calls: list[dict[str, Any]], capsys: Capture) -> None:
+    places = np.random.default_rng(0).uniform(0, 50, (6, 3))
+
+    def write_targets(file: str, points: np.ndarray) -> None:
+        lines = (f"T{row},{x!r},{y!r},{z!r}\n" for row, (x, y, z) in enumerate(points.tolist()))
+        Path(file).write_text("".join(lines))
+
+    poses = known_scene().poses
+    for row, name in ((0, "front.csv"), (2, "again.csv")):
+        write_targets(name, apply(invert(poses[row]), places))
+    write_targets("site.csv", places)
+    write_targets("side.csv", places[::-1] * [1, 2, 3])
+    files = [word for name in ("site.csv", "front.csv", "again.csv") for word in ("--targets", name)]
+    run(capsys, "merge", *NAMES, *files)
+    found = calls[0]["known"]
+    assert [*found] == [0, 2]
+    for row, pose in found.items():
+        np.testing.assert_allclose(pose, poses[row], rtol=0, atol=1e-9)
+    for given, says in (
+        (["site.csv"], "--targets: got site.csv; give the site's file, then files named as scans"),
+        (["site.csv", "b.csv"], "--targets: got site.csv, b.csv; give the site's file"),
+        (["site.csv", "side.csv"], "--targets: got side.csv; the pose of the targets is doubtful"),
+    ):
+        options = [word for name in given for word in ("--targets", name)]
+        assert says in fail(capsys, "merge", *NAMES, *options)
+    assert len(calls) == 1
 
 
 @pytest.mark.parametrize(

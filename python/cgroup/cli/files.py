@@ -1,6 +1,7 @@
 """Clouds that commands read, and files of a pair of clouds, named after both to share a folder."""
 
 import os
+import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
@@ -96,6 +97,12 @@ def name_frames(source: Path, target: Path) -> str:
     """Return the comment by which the file of a pose identifies its pair."""
     places = (escape(os.path.abspath(file)) for file in (source, target))  # noqa: PTH100 - links stay
     return "# pose of {} in the frame of {}".format(*places)
+
+
+def find_source(text: str) -> str | None:
+    """Return the source that the comment of `name_frames` in a text names."""
+    found = re.search(r"^# pose of (.+) in the frame of ", text, re.MULTILINE)
+    return None if found is None else found[1]
 
 
 def write_pose(file: Path, pose: FloatArray, frames: str) -> None:

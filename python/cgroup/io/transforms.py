@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from cgroup._checks.arrays import as_floats
 from cgroup._checks.values import as_path
 from cgroup.errors import InputError
-from cgroup.io.files import load_json, load_numbers, load_text, number_lines, parse_file
+from cgroup.io.files import load_json, load_numbers, load_text, number_lines, parse_file, read_content
 from cgroup.io.numpy_files import load_npy, write_array
 from cgroup.rigid import RIGID_TOLERANCE, check_rigid
 from cgroup.rigid.transforms import are_rigid, turn
@@ -25,6 +25,7 @@ _NOTATIONS = (
     "or these after a time"
 )
 
+_CLOUDS = {".e57", ".glb", ".gltf", ".las", ".laz", ".obj", ".off", ".pcd", ".ply", ".ptx", ".stl", ".vtk"}
 _BRACKETS = bytes.maketrans(b"[](){}", b"      ")
 
 
@@ -84,6 +85,8 @@ def read_transforms(path: str | os.PathLike[str]) -> FloatArray:
            [0.5, 0. , 0. ]])
     """
     path = as_path("path", path)
+    if path.suffix.lower() in _CLOUDS and read_content(path):
+        raise InputError(f"{path}: is a cloud, not a pose; {_NOTATIONS}")
     reader = {".npy": load_npy, ".json": _load_json}.get(path.suffix.lower(), _load_text)
     return find_poses(str(path), parse_file(path, reader))
 

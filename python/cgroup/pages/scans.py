@@ -16,6 +16,7 @@ from cgroup.pages.stage import Stage, place_clouds
 from cgroup.plots import style
 from cgroup.plots.scans import LEAST_RANGE, MOST_NAMED, look_at, place_nodes
 from cgroup.plots.shading import choose_rows
+from cgroup.rigid.se3 import deviations_at
 from cgroup.scenes import Edge, Scene
 from cgroup.scenes.scene import cloud_of, scan_colors
 from cgroup.types import FloatArray
@@ -25,7 +26,7 @@ _GRAPH = 300.0  # sides of a graph, in pixels
 _RESIDUALS = LinearSegmentedColormap.from_list("residuals", style.DISTANCE_COLORS)
 
 
-def scene_page(scene: Scene, *, title: str = "Scene") -> str:
+def scene_page(scene: Scene, *, title: str | None = None) -> str:
     """Return the page of a scene: scans in a 3D view, the graph, a table of edges.
 
     Parameters
@@ -33,8 +34,8 @@ def scene_page(scene: Scene, *, title: str = "Scene") -> str:
     scene : Scene
         Result of `cgroup.scenes.register_all`. Scans given as paths are read again; at most 150,000 points
         of all scans are drawn.
-    title : str
-        Plain text.
+    title : str, optional
+        Plain text; the names of the scans by default.
 
     Returns
     -------
@@ -52,6 +53,9 @@ def scene_page(scene: Scene, *, title: str = "Scene") -> str:
     True
     """
     as_instance("scene", scene, Scene)
+    if title is None:
+        more = f" and {len(scene.names) - 3} more scans" if len(scene.names) > 3 else ""
+        title = ", ".join(scene.names[:3]) + more
     as_instance("title", title, str)
     clouds = _posed(scene)
     colors = [to_hex(color / 255) for color in scan_colors(len(scene.scans))]
@@ -66,7 +70,7 @@ def scene_page(scene: Scene, *, title: str = "Scene") -> str:
         data={"rows": [*clouds], "edges": [[edge.source, edge.target] for edge in scene.edges]},
         side=f"{_legend(scene, colors)}{_graphs(scene, clouds, axes, colors)}",
         below=_table(scene),
-        facts=_facts(scene),
+        facts=_facts(scene, clouds),
         is_named=True,
     ).page()
 
@@ -100,7 +104,7 @@ def _legend(scene: Scene, colors: Sequence[str]) -> str:
         parts += "".join(
             f'<label><input type="checkbox" data-row="{row}" checked disabled>'
             f'<span class="swatch dot" style="--color: {colors[row]}"></span>{html.escape(scene.names[row])}'
-            f'<span class="count">{chances[row]}</span></label>'
+            f'<span class="count">{chances[row] if len(rows) > 1 else ""}</span></label>'
             for row in rows
         )
     return (
@@ -186,10 +190,15 @@ def _line(scene: Scene, number: int, edge: Edge, end: float) -> str:
     )
 
 
-def _facts(scene: Scene) -> list[tuple[str, str]]:
+def _facts(scene: Scene, clouds: dict[int, FloatArray]) -> list[tuple[str, str]]:
+    joined = [row for rows in scene.components for row in rows if len(rows) > 1]
+    middles = [(scene.covariance[row], clouds[row].mean(axis=0)) for row in joined]
+    degrees, length = np.max([deviations_at(*one) for one in middles] or [(0.0, 0.0)], axis=0)
+    accuracy = f"up to {length:.2g} at a scan's middle, {degrees:.2g} degrees (standard deviations)"
     return [
+        *([("accuracy", accuracy)] if joined else []),
         ("pairs tried", f"{scene.tried:,}"),
-        ("voxel", f"{scene.voxel:.4g}"),
+        ("voxel", f"{scene.voxel:.4g} (all lengths are in the unit of the files)"),
         ("time", f"{sum(scene.seconds.values()):.2f} s"),
         *(("note", html.escape(note)) for note in scene.notes),
     ]

@@ -1,6 +1,6 @@
 """``cgroup merge``: register many scans into one scene."""
 
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
@@ -14,8 +14,9 @@ from cgroup.cli import options, terminal
 from cgroup.cli.command import command, identify_run
 from cgroup.cli.documents import Document, fields
 from cgroup.cli.errors import is_given
-from cgroup.cli.files import name_moved, print_contents, unique_names
+from cgroup.cli.files import find_source, name_moved, print_contents, unique_names
 from cgroup.cli.options import FORMATS, GIVE_VIEWPOINT, SEARCH, option
+from cgroup.cli.targets import fit_files, refuse_targets
 from cgroup.errors import CgroupError, InputError
 from cgroup.io.attributes import unkept_attributes
 from cgroup.io.clouds import find_clouds
@@ -30,6 +31,7 @@ from cgroup.rigid import apply
 from cgroup.rigid.se3 import deviations_at
 from cgroup.scenes import Scene, false_joins, register_all
 from cgroup.scenes.scene import cloud_of
+from cgroup.types import FloatArray
 
 _EDGES = ("source", "target", "probability", "residual", "kept", "reason")
 _EDGE_KEYS = (  # of an edge in a document
@@ -55,16 +57,7 @@ _CONTENTS = {
 
 def _print_scene(document: Document, *, wide: bool) -> None:
     done, edges = document["results"], document["results"]["edges"]
-    rows = [
-        (
-            scan["name"],
-            "left out" if scan["component"] is None else str(scan["component"] + 1),
-            _show(scan["probability"]),
-            _show(scan["deviation_deg"], ".2g"),
-            "" if scan["deviation"] is None else terminal.show_length(scan["deviation"], 2),
-        )
-        for scan in done["scans"]
-    ]
+    rows = [_row_of_scan(scan, done["components"]) for scan in done["scans"]]
     head = ("scan", "component", "probability", "sd deg", "sd length")
     terminal.print_table(head, rows, drop=(4, 3), wide=wide)
     terminal.print_line("")
@@ -78,7 +71,8 @@ def _print_scene(document: Document, *, wide: bool) -> None:
         terminal.print_line("")
     kept = sum(edge["kept"] for edge in edges)
     unkept = list(dict.fromkeys(name for one in document["inputs"] for name in one["not_kept"]))
-    is_lossy = unkept and not any(str(file).endswith(".laz") for file in document["files"])
+    written = {Path(file).suffix for file in document["files"]}
+    is_lossy = unkept and ".ply" in written and ".laz" not in written
     terminal.print_facts(
         ("components", ", ".join(counted(len(rows), "scan") for rows in done["components"])),
         ("pairs", f"{done['tried']} tried; edges: {kept} kept, {len(edges) - kept} dropped"),
@@ -88,9 +82,17 @@ def _print_scene(document: Document, *, wide: bool) -> None:
         ("voxel", f"{done['voxel']:.4g} (in the files' unit, as all lengths)"),
         ("time", f"{sum(done['seconds'].values()):.2f} s"),
         *(("note", note) for note in done["notes"]),
+        *([("removed", f"{names} of an earlier run")] if (names := ", ".join(done["removed"])) else []),
         *([("not kept", f"{', '.join(unkept)} of the scans; --full keeps those of LAS")] if is_lossy else []),
     )
     print_contents(document, _CONTENTS)
+
+
+def _row_of_scan(scan: Document, components: Sequence[Sequence[int]]) -> tuple[str, ...]:
+    if scan["component"] is None or len(components[scan["component"]]) == 1:
+        return scan["name"], "left out" if scan["component"] is None else "alone", "", "", ""
+    deviations = _show(scan["deviation_deg"], ".2g"), terminal.show_length(scan["deviation"], 2)
+    return scan["name"], str(scan["component"] + 1), _show(scan["probability"]), *deviations
 
 
 def _joined_wrongly(found: FalseAccepts) -> str:
@@ -139,9 +141,14 @@ def merge_command(
         default=0,
         min=0,
     ),
-    known: Path | None = option(
+    known: list[Path] | None = option(
         "FILE",
-        "Known poses of some scans, with their names, as poses.tum has them; they give the frame.",
+        "Known pose of a scan, as register writes it, or of several, as poses.tum; they give the frame.",
+        SEARCH,
+    ),
+    targets: list[Path] | None = option(
+        "FILE",
+        "Surveyed targets, name x y z per line: of the site first, then a.csv of a.laz and so on.",
         SEARCH,
     ),
     full: bool = options.flag(
@@ -175,7 +182,7 @@ def merge_command(
     with _folder_if_needed(out), terminal.show_stages(piped=True) as begin:
         scene = register_all(
             scans,
-            **_read_names(scans, known) | shared,
+            **_read_names(scans, known or (), targets or ()) | shared,
             keep=out / _PAIRS,
             scheduler=scheduler,
             threads=threads,
@@ -192,34 +199,51 @@ def merge_command(
     return {
         "inputs": inputs,
         "results": {
-            "components": scene.components,
             "scans": placed,
             "edges": [fields(edge, *_EDGE_KEYS) for edge in scene.edges],
-            "tried": scene.tried,
             "false_accepts": asdict(scene.false_accepts),
             "false_joins": wrong,
-            **fields(scene, "voxel", "seconds"),
+            **fields(scene, "components", "tried", "voxel", "seconds"),
             "notes": [*scene.notes, *lost],
+            "removed": [path.name for path in results.removed],
         },
         "files": [*files, *([out / _PAIRS] if (out / _PAIRS).exists() else [])],
         "refusal": _refuse(scene, has_viewpoint=is_given(context, "viewpoint")),
     }
 
 
-def _read_names(scans: Sequence[Path], file: Path | None) -> dict[str, Any]:
-    """Return the names of the scans, and the poses of a file by the rows of the scans that it names."""
-    names = unique_names(scans, [scan.name for scan in scans])
-    if file is None:
-        return {"names": names}
+def _read_names(scans: Sequence[Path], known: Sequence[Path], targets: Sequence[Path]) -> dict[str, Any]:
+    """Return the names of the scans, and the known poses, those of targets too, by the rows of scans."""
+    names, stems = unique_names(scans, [scan.name for scan in scans]), [scan.stem for scan in scans]
+    rows = {escape(stem): row for row, stem in enumerate(stems) if stems.count(stem) == 1}
+    rows |= {escape(name): row for row, name in enumerate(names)}
+    found = dict[int, FloatArray]()
+    for file in known:
+        found |= _read_known(file, rows)
+    if (targets and not all(escape(file.stem) in rows for file in targets[1:])) or len(targets) == 1:
+        got, remedy = ", ".join(map(str, targets)), "give the site's file, then files named as scans"
+        raise InputError("targets", got, f"{remedy}: --targets site.csv --targets {stems[0]}.csv")
+    for file in targets[1:]:
+        fit = fit_files((file, targets[0]), None)[1]
+        if (doubt := refuse_targets(fit)) is not None:
+            raise InputError("targets", f"{file}", f"{doubt}; cgroup group --targets has the report")
+        found[rows[escape(file.stem)]] = fit["T_target_source"]
+    return {"names": names} | ({"known": found} if found else {})
+
+
+def _read_known(file: Path, rows: Mapping[str, int]) -> dict[int, FloatArray]:
+    """Return the poses of a file by the rows of the scans that it names."""
     poses, beside = read_transforms(file), names_file(file)
-    listed = find_names(load_text(beside if beside.is_file() else file).splitlines())
-    rows = {escape(name): row for row, name in enumerate(names)}
-    called = [listed.names[row] for row in listed.rows]
-    found = {rows[name]: pose for name, pose in zip(called, poses, strict=False) if name in rows}
-    if len(called) != len(poses) or not found:
-        got = f"{len(poses)} poses, {len(called)} names, {len(found)} of them of these scans"
+    text = load_text(beside if beside.is_file() else file)
+    listed = find_names(text.splitlines())
+    called = [listed.names[row] for row in listed.rows] or [*filter(None, [find_source(text)])]
+    keys = ((name, Path(name).name, Path(name).stem) for name in called)
+    placed = [next((rows[key] for key in each if key in rows), None) for each in keys]
+    found = {row: pose for row, pose in zip(placed, poses, strict=False) if row is not None}
+    if not len(called) == len(set(called)) == len(poses) or not found:
+        got = f"{file}: {len(poses)} poses, {len(called)} names, {len(found)} of them of these scans"
         raise InputError("known", got, "name the scan of each pose in a comment: # scan 0: a.ply")
-    return {"names": names, "known": found}
+    return found
 
 
 def _refuse(scene: Scene, *, has_viewpoint: bool) -> str | None:
