@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cgroup._checks.values import as_items
+from cgroup._checks.values import as_instance, as_items, as_length
+from cgroup._runtime.progress import as_stage_function
 from cgroup.errors import InputError, NoConsensusError
 from cgroup.evaluation import GroupScore, correct_matches, rotation_error, score_group, translation_error
 from cgroup.evaluation.ground_truth import CORRECT_WITHIN, mean_displacement
@@ -114,7 +115,9 @@ def compare(
     >>> {result.method: result.registered for result in results}
     {'gc': True, 'gtm': True}
     """
+    as_instance("correspondences", correspondences, Correspondences)
     names = [check_method(method) for method in as_items("methods", methods, "give names from METHODS")]
+    begin, max_rotation = as_stage_function(progress), as_length("max_rotation", max_rotation)
     if correct is None:
         correct = find_correct(correspondences, T_target_source, tolerance=tolerance)
     if max_displacement is None:
@@ -122,10 +125,10 @@ def compare(
     if max_displacement is None:
         max_displacement = MAX_DISPLACEMENT * _need_resolution(correspondences, "max_displacement")
     truth, flags = np.asarray(T_target_source), np.asarray(correct)
+    limits = max_rotation, as_length("max_displacement", max_displacement)
     for method in names:
-        if progress is not None:
-            progress(method)
-        yield _run_method(correspondences, method, truth, flags, (max_rotation, max_displacement))
+        begin(method)
+        yield _run_method(correspondences, method, truth, flags, limits)
 
 
 def find_correct(

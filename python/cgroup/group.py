@@ -9,7 +9,10 @@ from functools import cache, partial
 from time import perf_counter
 from typing import Any
 
+import numpy as np
+
 from cgroup import _core
+from cgroup._checks.arrays import as_floats, as_mask, contiguous
 from cgroup._checks.calls import explain_wrong_calls, unknown_option
 from cgroup._checks.values import as_choice, as_count, as_instance, as_items, as_length, refusal, run_options
 from cgroup._runtime.memory import default_max_memory, max_memory_for, report_refused_memory
@@ -78,7 +81,7 @@ def group(
     defaults = _defaults(info.function)
     _refuse_unknown(info.name, options, defaults)
     if isinstance(options.get("tolerance"), str) and options["tolerance"] == _AUTO:
-        options.pop("tolerance")
+        options["tolerance"] = None
         if info.name != "lc":
             bare = replace(correspondences, resolution=None)
             found = group(bare, "lc", threads=options.get("threads"))
@@ -163,7 +166,7 @@ def match_probabilities(
     >>> match_probabilities(Correspondences(source, target), found)[38:42].round(2)
     array([1., 1., 0., 0.])
     """
-    return find_probabilities(_points_of(matches), as_instance("grouping", grouping, Grouping), threads)
+    return find_probabilities(_points_of(matches), _checked(matches, grouping), threads)
 
 
 @report_refused_memory()
@@ -248,10 +251,15 @@ def certify(
     1.0
     """
     fields, start = _points_of(matches), perf_counter()
-    rule = as_instance("grouping", grouping, Grouping).rule
+    grouping = _checked(matches, grouping)
+    rule, pairs = grouping.rule, None if grouping.rule is None else grouping.rule.agreement
     if tolerance is None and rule is not None:
-        pairs = None if rule.kind == "residual" else rule.agreement
-        tolerance = rule.bound if pairs is None or pairs.is_ratio else pairs.bound
+        if rule.kind == "residual":
+            tolerance = rule.bound
+        elif pairs is not None and not pairs.is_ratio:
+            tolerance = pairs.bound
+        else:
+            raise InputError("tolerance", "None", f"{rule.method} compares no lengths; give a tolerance")
     model = grouping.transform() if grouping.model is None else grouping.model
     run = run_options(threads, max_memory_for(len(matches)))
     inliers, bound = _core.bound_rivals(fields, model, as_length("tolerance", tolerance), run)
@@ -263,6 +271,19 @@ def certify(
 def _points_of(matches: Correspondences) -> Fields:
     as_instance("matches", matches, Correspondences)
     return Fields(matches.source, matches.target, ratio=matches.ratio, resolution=matches.resolution)
+
+
+def _checked(matches: Correspondences, grouping: Grouping) -> Grouping:
+    """Return a user's group as the core reads it."""
+    mask = as_mask("grouping.mask", as_instance("grouping", grouping, Grouping).mask)
+    if len(mask) != len(matches):
+        raise InputError("grouping", f"one of {len(mask)} matches", f"give a group of these {len(matches)}")
+    model = grouping.model
+    if model is not None:
+        model = as_floats("grouping.model", model)
+        if model.shape != (4, 4):
+            raise InputError("grouping.model", f"shape {model.shape}", "give (4,4), or None")
+    return replace(grouping, mask=contiguous(mask, np.bool_), model=model)
 
 
 def check_method(

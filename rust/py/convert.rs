@@ -90,11 +90,11 @@ impl Reals<'_, Ix2> {
         self.triples(name)
     }
 
-    /// The numbers, row by row.
+    /// The numbers, row by row in any layout.
     pub fn numbers(&self) -> PyResult<Vec<f64>> {
         checked(match self {
-            Self::Single(array) => memory::collect(array.as_slice()?.iter().copied().map(f64::from)),
-            Self::Double(array) => memory::copied(array.as_slice()?),
+            Self::Single(array) => memory::collect(array.as_array().iter().copied().map(f64::from)),
+            Self::Double(array) => memory::collect(array.as_array().iter().copied()),
         })
     }
 
@@ -142,14 +142,13 @@ impl Reals<'_, Ix3> {
         self.triples(name)
     }
 
-    /// The numbers of each block.
+    /// The numbers of each block, in any layout.
     pub fn blocks<const N: usize>(&self) -> PyResult<Vec<[f64; N]>> {
-        checked(match self {
-            Self::Single(array) => {
-                memory::collect(array.as_slice()?.as_chunks().0.iter().map(|block| block.map(f64::from)))
-            }
-            Self::Double(array) => memory::copied(array.as_slice()?.as_chunks().0),
-        })
+        let numbers = checked(match self {
+            Self::Single(array) => memory::collect(array.as_array().iter().copied().map(f64::from)),
+            Self::Double(array) => memory::collect(array.as_array().iter().copied()),
+        })?;
+        checked(memory::copied(numbers.as_chunks().0))
     }
 
     /// Frames, one per block.

@@ -372,6 +372,7 @@ fn widened<T: Copy + Into<f64>>(row: &[T; 3]) -> Vector3<f64> {
 /// Frames, one per block; a block with NaN is a missing frame.
 pub fn frames(array: &Reals<'_, Ix3>) -> PyResult<Vec<Frame>> {
     let frames = array.frames()?;
+    checked(frames.validate("lrf"))?;
     checked(memory::collect((0..frames.len()).map(|i| frames.get(i))))
 }
 

@@ -424,7 +424,7 @@ WRONG = [
     ("register {source} {target} --angle 5", "--angle: got 5, but no --initial"),
     ("compare {source} {target}", "--truth"),
     ("group {folder}/matches.npz --tolerance automatic", "--tolerance: got automatic; give a length, or auto"),
-    ("recognize {stone} {folder}/again/stone1.ply --scene {scene}", "two files named 'stone1'"),
+    ("recognize {stone} {folder}/again/stone1.ply --scene {scene}", "two files whose results would be named stone1_in_scene"),
     ("benchmark run nowhere.toml", "nowhere.toml: neither a readable configuration"),
     ("benchmark status --out nowhere", "nowhere: no records; make some"),
     ("frobnicate", "frobnicate"),

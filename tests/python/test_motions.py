@@ -95,7 +95,7 @@ def test_no_probabilities_without_a_pose() -> None:
         np.testing.assert_array_equal(cgroup.match_probabilities(matches, group), np.zeros(len(points)))
     flat = np.random.default_rng(0).uniform(size=(60, 3)) * [50, 50, 0]
     assert cgroup.gtm(flat, flat + 1.0, resolution=1.0).probabilities.min() > 0.9
-    with pytest.raises(InputError, match="group of 2 matches"):
+    with pytest.raises(InputError, match="one of 2 matches"):
         cgroup.match_probabilities(Correspondences(line, line), cgroup.gtm(line[:2], line[:2]))
     mirror = Grouping(np.ones(30, dtype=bool), None, None, np.diag([-1.0, 1, 1, 1]), {})
     with pytest.raises(InputError, match="no rigid motion"):

@@ -211,9 +211,9 @@ def as_colors(value: object, count: int) -> NDArray[np.uint8] | None:
 def as_mask(name: str, value: ArrayLike) -> BoolArray:
     """Return `value` as (n,) bool."""
     array = as_array(name, value)
-    if array.dtype != bool or array.ndim != 1:
+    if array.ndim != 1 or (array.size and array.dtype != bool):
         raise _not_whole(name, value, array, "give a vector of bool")
-    return array
+    return array.astype(bool, copy=False)
 
 
 def _not_whole(name: str, value: ArrayLike, array: NDArray[Any], remedy: str) -> InputError:

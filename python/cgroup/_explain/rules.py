@@ -89,7 +89,8 @@ class Facts:
         """Distances of one match to another, or to all, in the source and in the target."""
         assert self.points is not None  # noqa: S101 - of methods that take points
         rows = slice(None) if other is None else [other]
-        ds, dt = (np.linalg.norm(side[rows] - side[i], axis=1) for side in self.points)
+        with np.errstate(invalid="ignore", over="ignore"):  # methods without points allow any
+            ds, dt = (np.linalg.norm(side[rows] - side[i], axis=1) for side in self.points)
         return ds, dt
 
     def ratios(self, ds: FloatArray, dt: FloatArray) -> FloatArray:

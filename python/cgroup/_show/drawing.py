@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from cgroup._checks.arrays import BoolArray, FloatArray, real_points
+from cgroup._checks.arrays import BoolArray, FloatArray, finite_points
 from cgroup._checks.calls import call_hook
 from cgroup._checks.values import as_flag, refusal
 from cgroup.errors import InputError
@@ -68,7 +68,7 @@ def naming_missing_library() -> Generator[None, None, None]:
 
 def as_points(name: str, cloud: Any) -> FloatArray:  # noqa: ANN401 - a cloud of any kind
     """Return the points of a cloud, at least one."""
-    array = real_points(name, getattr(cloud, "points", cloud)).astype(np.float64)
+    array = finite_points(name, getattr(cloud, "points", cloud))
     if len(array) == 0:
         raise refusal(name, array, "give a cloud with points, or matches")
     return array

@@ -112,7 +112,7 @@ def reword(error: CgroupError, context: Any) -> CgroupError:
         if other in options and is_given(context, other) and not is_given(context, name):
             options[name] = options[other]
     options["T_target_source"] = options.get("truth", "pose")
-    options["cloud"] = options.get("map", "cloud")
+    options |= {"cloud": options.get("map", "cloud"), "keep": options.get("out", "keep")}
     return in_options(error, options)
 
 

@@ -107,8 +107,8 @@ def terminal_width() -> int:
 
 
 def shown_name(path: Path) -> str:
-    """Return the name of a file for titles: printable, and escaped for matplotlib."""
-    return escape(path.name).replace("$", r"\$")
+    """Return the name of a file for titles: printable."""
+    return escape(path.name)
 
 
 @contextmanager

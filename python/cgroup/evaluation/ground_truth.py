@@ -187,8 +187,8 @@ def clutter_and_occlusion(
     areas = triangle_areas(vertices, triangles)
     model_area = triangle_areas(posed, _faces_of("model", posed, model_faces)).sum()
     for name, area in (("scene", areas.sum()), ("model", model_area)):
-        if area <= 0:
-            raise InputError(name, remedy="its faces have no area")
+        if not 0 < area < np.inf:
+            raise InputError(name, remedy="its faces have no area, or one beyond all numbers")
     limit = as_length("tolerance", tolerance)
     seen = areas[within(vertices, posed, limit)[triangles].all(axis=1)].sum()
     return float(1 - seen / areas.sum()), float(1 - seen / model_area)
@@ -209,4 +209,5 @@ def _faces_of(name: str, vertices: FloatArray, faces: ArrayLike) -> IndexArray:
 def triangle_areas(vertices: FloatArray, faces: ArrayLike) -> FloatArray:
     """Return the area of each triangle, in the square of the data's unit."""
     a, b, c = (vertices[corner] for corner in np.asarray(faces, dtype=np.int64).reshape(-1, 3).T)
-    return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    with np.errstate(over="ignore"):
+        return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2

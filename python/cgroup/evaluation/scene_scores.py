@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from cgroup._checks.arrays import as_floats, as_rows
 from cgroup._checks.values import refusal
 from cgroup.errors import InputError
-from cgroup.rigid.transforms import angles
+from cgroup.rigid.transforms import angles, as_poses
 from cgroup.types import FloatArray
 
 ROTATION_LIMITS = (3.0, 5.0, 10.0, 30.0, 45.0)  # rotation limits of ScanNet's protocol, in degrees
@@ -99,8 +99,10 @@ def score_scene(
         raise InputError("components", f"more than {count}", f"give each of the {count} rows once at most")
     parts = [as_rows(f"components[{number}]", part) for number, part in enumerate(listed)]
     rows = np.concatenate([np.empty(0, np.int64), *parts])
+    as_poses("truth", true)
     if len(rows) and (rows.min() < 0 or rows.max() >= count or len(np.unique(rows)) < len(rows)):
         raise InputError("components", f"rows {rows.tolist()}", f"give each of the {count} rows once at most")
+    as_poses("poses", estimated[rows])
     part = np.full(count, -1)
     for number, members in enumerate(parts):
         part[members] = number

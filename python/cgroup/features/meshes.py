@@ -42,9 +42,10 @@ def sample_mesh(mesh: AnyCloud, *, spacing: float | None = None) -> PointCloud:
     points, faces = as_points("mesh", cloud.points), as_faces("mesh.faces", cloud.faces)
     normals = mesh_normals(points, faces)
     corners = points[faces]
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    doubled = np.linalg.norm(across, axis=1)
-    if not (doubled > 0).any():
+    with np.errstate(over="ignore"):  # refused below
+        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        doubled = np.linalg.norm(across, axis=1)
+    if not 0 < doubled.sum() < np.inf:
         raise InputError("mesh.faces", "no face with an area", "give a mesh of triangles")
     solid = np.flatnonzero(doubled > 0)
     faces, corners, across, doubled = faces[solid], corners[solid], across[solid], doubled[solid]

@@ -199,12 +199,12 @@ def as_scan(name: str, cloud: Scan | Cloud | AnyCloud, *, distinct: bool = False
     rows = points if first is None else points[first]
     normals = normals if normals is None or first is None else normals[first]
     faces = faces if faces is None or places is None else places[faces]
-    if len(rows) == 1 < len(points):
+    if len(rows) == 1 < len(points) and np.isfinite(rows).all():
         raise InputError(name, remedy="all its points coincide; give a cloud of a surface")
+    ready = cloud if isinstance(cloud, Cloud) and first is None else Cloud(rows, name=name)
     if len(rows) <= NORMAL_NEIGHBORS:
         counted = "points" if first is None else "distinct points"
         raise InputError(name, f"{len(rows)} {counted}", f"descriptors need more than {NORMAL_NEIGHBORS}")
-    ready = cloud if isinstance(cloud, Cloud) and first is None else Cloud(rows, name=name)
     rounding = _find_rounding(ready)
     scan = Scan(ready, normals, faces, name, points, rows=first, places=places, rounding=rounding)
     if not isinstance(cloud, PointCloud) or cloud.viewpoint is None:

@@ -68,6 +68,7 @@ def assess_in_map(
     clock, pose = StageClock(as_stage_function(progress)), check_rigid(T_map_scan, "T_map_scan")
     clock.start("voxels")
     given = pairwise.as_given("scan", scan)
+    given = given._replace(scan=given.whole)  # prepared anew, with the map's voxels
     size = choose_thinning(given.whole.cloud, voxels=settings.SCAN_VOXELS, threads=threads)
     level = place.level_at(size)
     shared = pairwise.Preparation(level.voxel, DenseFront(), as_threads(threads))

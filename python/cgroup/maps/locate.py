@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from cgroup import _core
 from cgroup._checks.arrays import as_direction, as_place
 from cgroup._checks.calls import explain_wrong_calls
-from cgroup._checks.values import as_choice, as_instance, as_length, as_threads
+from cgroup._checks.values import as_choice, as_flag, as_instance, as_length, as_threads
 from cgroup._runtime.memory import report_refused_memory
 from cgroup._runtime.progress import StageClock, as_stage_function
 from cgroup._runtime.workers import count_workers, work_side_by_side
@@ -86,11 +86,12 @@ def locate(
     as_instance("place", place, PreparedMap)
     as_choice("effort", effort, EFFORTS)
     direction = None if axis is None else as_direction("axis", axis, "(0, 0, 1)")
-    around = as_disk(near, radius)
+    around, decoy = as_disk(near, radius), as_flag("decoy", decoy)
     clock = StageClock(as_stage_function(progress))
     given = pairwise.as_given("scan", scan, as_viewpoint(viewpoint, view_direction), or_stored=True)
     search = pairwise.Search("lc", {}, direction, effort, 1, clock)
     clock.start("voxels")
+    given = given._replace(scan=given.whole)  # prepared anew, with the map's voxels
     size = choose_thinning(given.whole.cloud, voxels=settings.SCAN_VOXELS, threads=threads)
     levels = place.level_at(size), place.level_at(size, finer=1)
     threads = as_threads(threads)

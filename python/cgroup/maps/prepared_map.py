@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cgroup import _core, features
 from cgroup._checks.arrays import in_double
 from cgroup._checks.calls import explain_wrong_calls
-from cgroup._checks.values import as_length, as_path, run_options
+from cgroup._checks.values import as_length, as_path, as_threads, run_options
 from cgroup._runtime.memory import report_refused_memory
 from cgroup._runtime.progress import as_stage_function
 from cgroup.errors import InputError
@@ -35,6 +35,11 @@ _ARRAYS = "points", "voxels", "normals", "frames", "descriptors", "cells", "voxe
 @runtime_checkable
 class Mergeable(Protocol):
     """Interface of `Scene`, which this package does not import."""
+
+    @property
+    def components(self) -> object:
+        """Return the components; a result of `register` has none."""
+        ...
 
     def merged(self) -> PointCloud:
         """Return one cloud."""
@@ -213,7 +218,7 @@ class PreparedMap:
                 Level(float(voxel), *(arrays[f"{row}-{name}"] for name in _ARRAYS))
                 for row, voxel in enumerate(facts["voxels"])
             ]
-            return PreparedMap(arrays["points"], levels, facts["voxel"], threads)
+            return PreparedMap(arrays["points"], levels, facts["voxel"], as_threads(threads))
         except (KeyError, TypeError) as error:
             raise not_a_map(folder, error) from error
 

@@ -20,6 +20,7 @@ from cgroup.pages.page import pose_html
 from cgroup.registration import Registration
 from cgroup.registry import look_up_method
 from cgroup.rigid import check_rigid
+from cgroup.rigid.transforms import split_scale
 from cgroup.types import AnyCloud, Correspondences, FloatArray
 
 
@@ -115,7 +116,8 @@ def _facts(registration: Registration, truth: FloatArray | None, source: FloatAr
         ("voxel", f"{registration.voxel:.4g}"),
     ]
     if truth is not None:
-        turn, shift = rotation_error(pose, truth), translation_error(pose, truth)
+        rigid = split_scale(pose)[1]
+        turn, shift = rotation_error(rigid, truth), translation_error(rigid, truth)
         facts.append(("error of the pose", f"{turn:.3g} degrees, {shift:.3g} in translation"))
     return facts + [("note", html.escape(note)) for note in registration.notes]
 

@@ -17,9 +17,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike
 
-from cgroup._checks.arrays import as_points, as_rows
+from cgroup._checks.arrays import as_rows
 from cgroup._checks.values import as_named
-from cgroup._show.drawing import Drawing
+from cgroup._show.drawing import Drawing, as_points
 from cgroup.evaluation import score_group
 from cgroup.plots import shading, style
 from cgroup.rigid import apply
@@ -207,14 +207,14 @@ def keypoints_figure(points: AnyCloud, keypoints: Mapping[str, ArrayLike], *, ti
         rows_shown = as_rows(name, found)
         seen = projected[rows_shown[visible[rows_shown]]]
         axes.scatter(seen[:, 0], seen[:, 1], s=9, color=style.WRONG, edgecolors="white", linewidths=0.3)
-        caption(axes, name, f"{len(rows_shown)} keypoints, {len(seen)} on this side")
+        caption(axes, style.as_it_is(name), f"{len(rows_shown)} keypoints, {len(seen)} on this side")
     return figure
 
 
 def _figure(height: float, title: str | None = None, *, width: float = _WIDTH) -> Figure:
     figure = Figure(figsize=(width, height), dpi=style.DOTS_PER_INCH, layout="constrained")
     if title is not None:
-        figure.suptitle(title, color=style.TEXT)
+        figure.suptitle(style.as_it_is(title), color=style.TEXT)
     return figure
 
 

@@ -118,7 +118,8 @@ class _Grid:
     def over(cls, projected: FloatArray) -> _Grid:
         low, size = projected[:, :2].min(axis=0), np.ptp(projected[:, :2], axis=0)
         # As fine as the points allow: about two of them in a cell.
-        cell = max(size.max() / _CELLS, np.sqrt(2 * size.prod() / len(projected)), 1e-300)
+        least = 1e-12 * np.abs(projected[:, :2]).max() + 1e-300
+        cell = max(size.max() / _CELLS, np.sqrt(2 * size.prod() / len(projected)), least)
         columns, rows = (round(float(side / cell)) + 1 for side in size)
         return cls(low, cell, (columns, rows))
 

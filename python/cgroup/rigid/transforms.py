@@ -12,6 +12,7 @@ from cgroup.errors import InputError
 RIGID_TOLERANCE = 1e-3
 """Largest deviation of R^T R from the identity in a transform file; such files carry few digits."""
 
+_MOST = 1e150  # largest number of a transform, so that its square is finite
 _NEXT, _LAST = [1, 2, 0], [2, 0, 1]  # axes that follow x, y, z
 
 
@@ -72,8 +73,8 @@ def check_rigid(transform: ArrayLike, name: str = "transform") -> FloatArray:
         The same numbers as float64; the last row is 0 0 0 1.
     """
     matrix = _matrix(as_instance("name", name, str), transform)
-    if not np.isfinite(matrix).all():
-        raise InputError(name, remedy="holds a number that isn't finite")
+    if not (np.abs(matrix) <= _MOST).all():
+        raise InputError(name, remedy=f"holds a number that isn't finite, or is beyond {_MOST:g}")
     if not np.allclose(matrix[3], (0, 0, 0, 1), atol=1e-9):
         hint = "; transpose it" if np.allclose(matrix[:, 3], (0, 0, 0, 1), atol=1e-9) else ""
         raise InputError(name, remedy=f"last row is {matrix[3]}, not 0 0 0 1{hint}")

@@ -13,7 +13,7 @@ use crate::error::Result;
 use crate::execution::Execution;
 use crate::geometry::rigid::{Rigid, fit_triangle};
 use crate::memory;
-use crate::points::Points;
+use crate::points::{Points, ZERO_LENGTH};
 
 /// Hypotheses per task, and between two checks of the early stop.
 const ITERATIONS_PER_TASK: usize = 256;
@@ -176,8 +176,11 @@ fn better(a: Option<Consensus>, b: Option<Consensus>) -> Option<Consensus> {
 fn is_degenerate(triangle: &[Point3<f64>; 3], diagonal: f64) -> bool {
     let [a, b, c] = triangle;
     let (ab, ac, bc) = (b - a, c - a, c - b);
-    let shortest = ab.norm().min(ac.norm()).min(bc.norm());
-    shortest <= DEGENERATE * diagonal || ab.cross(&ac).norm() <= DEGENERATE * diagonal * diagonal
+    let (shortest, longest) =
+        (ab.norm().min(ac.norm()).min(bc.norm()), ab.norm().max(ac.norm()).max(bc.norm()));
+    longest <= ZERO_LENGTH * diagonal
+        || shortest <= DEGENERATE * longest
+        || ab.cross(&ac).norm() <= DEGENERATE * longest * longest
 }
 
 #[cfg(test)]

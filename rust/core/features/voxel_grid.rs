@@ -40,7 +40,7 @@ impl Grid {
         let (low, extent) = points.bounding_box();
         let per_length = 1.0 / size;
         let cells = extent.map(|length| (length * per_length + 0.5 + ON_A_FACE).floor() + 1.0);
-        if cells.iter().product::<f64>() > MAX_CELLS {
+        if !(per_length.is_finite() && cells.iter().product::<f64>() <= MAX_CELLS) {
             let remedy = format!("the cloud is {:.3e} across; give a larger voxel", points.diagonal());
             return Err(Error::invalid("voxel", format!("{size:e}"), remedy));
         }

@@ -39,10 +39,10 @@ pub fn any_within(
         return Ok(found);
     }
     let centred = Points::from_rows("others", others)?;
-    let grid = Grid::new(&centred, radius / CELLS_PER_RADIUS)?;
-    let others = grid.reorder(others)?;
     let center = <[f64; 3]>::from(centred.center());
     let largest = others.iter().map(magnitude).fold(0.0, f64::max);
+    let grid = Grid::new(&centred, (radius / CELLS_PER_RADIUS).max(ROUNDING * largest))?;
+    let others = grid.reorder(others)?;
     found.par_chunks_mut(QUERIES_PER_TASK).zip(points.par_chunks(QUERIES_PER_TASK)).try_for_each(
         |(found, points)| {
             execution.check()?;

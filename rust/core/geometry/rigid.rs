@@ -3,12 +3,17 @@
 use nalgebra::{Matrix3, Matrix4, Point3, Vector3};
 
 use crate::error::{Error, Result};
+use crate::geometry::singular::Singular;
 use crate::memory;
 use crate::points::Points;
 
 /// Points whose second principal variance is below this share of the first are collinear: rounding of exactly
 /// collinear points produces about as much.
 const LINE_FLATNESS: f64 = 1e-14;
+
+/// Ratio of the second singular value of a covariance to the largest one below which nalgebra's decomposition, which squares the
+/// matrix, is too inexact: its rotations are off by 1e-8 at 1e-4, and arbitrary at 1e-8.
+const THIN: f64 = 1e-2;
 
 /// A rigid transform `q = R p + t` on column vectors.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -189,6 +194,11 @@ pub(crate) fn rotation_from_covariance(covariance: &Matrix3<f64>) -> Matrix3<f64
     let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else {
         return Matrix3::identity();
     };
+    let mut values: [f64; 3] = svd.singular_values.into();
+    values.sort_by(f64::total_cmp);
+    if values[1] < THIN * values[2] {
+        return Singular::of(&covariance.transpose()).rotation();
+    }
     let v = v_t.transpose();
     // A reflection is undone along the direction of the smallest singular value.
     let weakest = svd.singular_values.imin();

@@ -10,7 +10,7 @@
 //! The unit u is the resolution, or a third of the tolerance that suits the spacing of the matches. A group
 //! without a model has the pose of its members, refined by the mixture.
 
-use nalgebra::Matrix4;
+use nalgebra::{Matrix3, Matrix4};
 
 use super::likelihood_consensus::likely_tolerance;
 use crate::consensus::false_alarms::{independent, ln_false_alarms};
@@ -19,6 +19,9 @@ use crate::consensus::mixture::{CHANCE, Mixture, Motion};
 use crate::error::Error;
 use crate::geometry::rigid::{Rigid, fit_rows};
 use crate::{Correspondences, Execution, Grouping, Points, Result, memory};
+
+/// Greatest deviation from a rotation, of the entries of `A^T A / s^2 - I`, as of frames.
+const MOST_SHEAR: f64 = 1e-3;
 
 /// Iterations of the mixture.
 const ROUNDS: usize = 30;
@@ -94,10 +97,12 @@ pub fn match_probabilities(
 /// The scale of a similarity.
 ///
 /// # Errors
-/// [`Error::InvalidInput`] for a matrix that is not finite, or a reflection.
+/// [`Error::InvalidInput`] for a matrix that is not finite, a reflection, or a shear.
 pub fn scale_of(model: &Matrix4<f64>) -> Result<f64> {
-    let scale = model.fixed_view::<3, 3>(0, 0).determinant().cbrt();
-    if model.iter().all(|entry| entry.is_finite()) && scale > 0.0 {
+    let turn = model.fixed_view::<3, 3>(0, 0);
+    let scale = turn.determinant().cbrt();
+    let deviation = (turn.transpose() * turn / (scale * scale) - Matrix3::identity()).amax();
+    if model.iter().all(|entry| entry.is_finite()) && scale > 0.0 && deviation < MOST_SHEAR {
         return Ok(scale);
     }
     Err(Error::invalid("grouping", "a model that is no rigid motion", "give a rigid model, or None"))

@@ -7,9 +7,8 @@ words become three distinct indices by multiply-and-shift, see `draw`.
 
 Decisions where the paper is open
 ---------------------------------
-* Each side of a triple is judged against the bounding-box diagonal of all points of
-  its own side that were handed to this function (for the filters of GC and 3DHV: the
-  points of the subset).
+* Each side of a triple is judged against its own longest edge, so that one match far away
+  changes nothing; that edge has to be above rounding: 1e-12 of the bounding-box diagonal.
 * Early stop: checked after 256, 512, ... iterations with the best count so far; best
   = n stops at the first check, best = 0 never stops.
 * refine replaces the motion by the refitted one whatever that does to the number of
@@ -29,6 +28,7 @@ from .rigid import Pose, apply, determines_rotation, in_data, kabsch
 SAMPLE_SIZE = 3
 BLOCK = 256
 DEGENERATE = 1e-9
+ZERO_LENGTH = 1e-12
 
 
 def ransac(
@@ -104,11 +104,13 @@ def triple_edges(triples: IntArray, points: FloatArray) -> FloatArray:
 
 def degenerate(triples: IntArray, points: FloatArray) -> BoolArray:
     """(count,) True for triangles that are too short or too thin to fix a rotation."""
-    diagonal = bounding_box_diagonal(points)
+    zero = ZERO_LENGTH * bounding_box_diagonal(points)
     a, b, c = (points[triples[:, corner]] for corner in range(SAMPLE_SIZE))
     twice_area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    shortest = triple_edges(triples, points).min(axis=1)
-    return (shortest <= DEGENERATE * diagonal) | (twice_area <= DEGENERATE * diagonal**2)
+    edges = triple_edges(triples, points)
+    shortest, longest = edges.min(axis=1), edges.max(axis=1)
+    is_thin = (shortest <= DEGENERATE * longest) | (twice_area <= DEGENERATE * longest**2)
+    return is_thin | (longest <= zero)
 
 
 def edges_agree(triples: IntArray, source: FloatArray, target: FloatArray, edge_ratio: float) -> BoolArray:

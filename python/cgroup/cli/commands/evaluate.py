@@ -149,9 +149,10 @@ def evaluate_command(
                 message = f"--truth: is needed for the poses in {path}; give the true poses"
                 raise InputError(message)
             else:
-                found[name] = protocols.score_poses(known, one, inverse=inverse)
+                called = str(path) if name in found else name
+                found[called] = protocols.score_poses(known, one, inverse=inverse)
                 if not inverse:
-                    protocols.refuse_inverses(known, one, found[name], _main_recall(by, found[name]))
+                    protocols.refuse_inverses(known, one, found[called], _main_recall(by, found[called]))
     inputs = [{"role": f"result {number}", "file": path} for number, path in enumerate(results, 1)]
     return {"inputs": inputs, "results": _evaluate(by, found), "files": []}
 

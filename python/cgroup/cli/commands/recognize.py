@@ -10,6 +10,7 @@ import typer
 
 from cgroup import io
 from cgroup._checks.arrays import in_double
+from cgroup._checks.quoting import escape
 from cgroup._show.words import say_placement
 from cgroup.cli import options, terminal
 from cgroup.cli.command import command, identify_run
@@ -75,9 +76,10 @@ def recognize_command(
     further copies MODEL_in_SCENE-2.txt and so on. --html writes models_in_SCENE.html.
     """
     files = {file.stem: file for file in models}
-    if len(files) < len(models):
-        name = Counter(file.stem for file in models).most_common(1)[0][0]
-        message = f"models: got two files named {name!r}; rename one"
+    outputs = Counter(name_of_pair(file, scene, "in") for file in models)
+    if len(outputs) < len(models):
+        name = outputs.most_common(1)[0][0]
+        message = f"models: got two files whose results would be named {escape(name)}; rename one"
         raise InputError(message)
     with terminal.show_stages() as begin:
         clouds = {name: read_cloud(file, begin) for name, file in files.items()}

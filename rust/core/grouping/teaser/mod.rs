@@ -66,6 +66,12 @@ words! {
 /// Lower bound of the tolerance: its inverse square must be finite, and rounding hides smaller ones.
 const LEAST_TOLERANCE: f64 = 1e-140;
 
+/// Upper bound of the tolerance, whose square must be finite.
+const MOST_TOLERANCE: f64 = 1e150;
+
+/// Share of the extent up to which points beside a vertical line are on it.
+const VERTICAL: f64 = 1e-9;
+
 method! {
     /// Parameters of TEASER++.
     pub struct Teaser = "teaser", ["source", "target"], optional ["resolution"], {
@@ -90,7 +96,8 @@ method! {
 impl GroupingMethod for Teaser {
     fn run(&self, correspondences: &Correspondences, execution: &Execution) -> Result<Grouping> {
         let (source, target) = correspondences.positions("teaser")?;
-        let bound = correspondences.length("tolerance", self.tolerance, 2.5)?.max(LEAST_TOLERANCE);
+        let bound =
+            correspondences.length("tolerance", self.tolerance, 2.5)?.clamp(LEAST_TOLERANCE, MOST_TOLERANCE);
         let difference = self.max_distance_difference.unwrap_or(2.0 * bound);
         positive("max_distance_difference", difference)?;
         let scale = match self.scale {
@@ -156,7 +163,11 @@ struct Fit {
 fn fit(kept: &[u32], source: &Points, target: &Points, bound: f64, freedom: Freedom) -> Result<Option<Fit>> {
     let of = |points: &Points| memory::collect(kept.iter().map(|&i| points.get(i as usize)));
     let (p, q) = (of(source)?, of(target)?);
-    if kept.len() < 3 || freedom == Freedom::Six && !fixes_rotation(&p, &q) {
+    let is_fixed = match freedom {
+        Freedom::Six => fixes_rotation(&p, &q),
+        Freedom::Four => !is_vertical(&p) && !is_vertical(&q),
+    };
+    if kept.len() < 3 || !is_fixed {
         return Ok(None);
     }
     let Some(rotation) = truncated_rotation(&steps(&p)?, &steps(&q)?, 2.0 * bound, freedom)? else {
@@ -169,6 +180,16 @@ fn fit(kept: &[u32], source: &Points, target: &Points, bound: f64, freedom: Free
     let holds = |shift: &Vector3<f64>| (shift - translation).amax() <= bound;
     let members = kept.iter().zip(&shifts).filter(|(_, shift)| holds(shift)).map(|(&i, _)| i as usize);
     Ok(Some(Fit { pose: Rigid { rotation, translation }, members: memory::collect(members)? }))
+}
+
+/// Whether points are on a vertical line.
+fn is_vertical(points: &[Point3<f64>]) -> bool {
+    let mean = points.iter().map(|point| point.coords).sum::<Vector3<f64>>() / points.len() as f64;
+    let sizes =
+        points.iter().map(|point| point.coords - mean).map(|offset| (offset.xy().amax(), offset.amax()));
+    let (flat, extent) =
+        sizes.fold((0.0_f64, 0.0_f64), |most, size| (most.0.max(size.0), most.1.max(size.1)));
+    flat <= VERTICAL * extent
 }
 
 /// The truncated mean of each axis.
