@@ -31,7 +31,7 @@ pub(super) const INTENSITY: usize = 9;
 /// Numbers of one point: position, normal, colour, intensity.
 pub(super) type Row = [f64; 10];
 
-/// Names of intensities, as of CloudCompare too.
+/// Names of intensities.
 pub(super) const INTENSITY_NAMES: [&str; 2] = ["intensity", "scalar_intensity"];
 
 /// Least opacity of a visible splat, as the stored logit: 0.1.
