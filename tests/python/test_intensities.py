@@ -10,9 +10,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from las_files import make_pose
 
+from cgroup.datasets import standin_pair
 from cgroup.errors import InputError
 from cgroup.features import voxel_downsample
 from cgroup.io import merge_files, read_cloud, write_cloud
+from cgroup.registration import register
+from cgroup.scenes import register_all
 from cgroup.types import PointCloud
 from cgroup.types.point_cloud import join_clouds
 
@@ -94,6 +97,19 @@ def test_points_keep_their_intensities() -> None:
         join_clouds([one, other]).intensities, np.concatenate([one.intensities, other.intensities])
     )
     assert join_clouds([one, PointCloud(np.zeros((1, 3)))]).intensities is None
+
+
+def test_merged_scenes_have_mean_intensities(tmp_path: Path) -> None:
+    pair = standin_pair(pixels=60)
+    scans = [pair.source, pair.target]
+    scans = [PointCloud(one.points, intensities=np.ones(len(one), np.float32)) for one in scans]
+    for name, scan in zip(("a.e57", "b.ply"), scans, strict=True):
+        write_cloud(tmp_path / name, scan)
+    for given_ in (scans, [tmp_path / "a.e57", tmp_path / "b.ply"]):
+        assert (register_all(given_).merged().intensities == 1).all()
+        done = register(*given_)
+        assert (done.merged(*given_).intensities == 1).all()
+        assert (done.place(given_[0]).intensities == 1).all()
 
 
 def test_voxels_have_mean_intensities() -> None:

@@ -28,6 +28,7 @@ class CloudParts(NamedTuple):
     faces: Any = None
     colors: Any = None
     viewpoint: Any = None
+    intensities: Any = None
 
 
 def cloud_parts(name: str, value: Any) -> CloudParts | None:  # noqa: ANN401 - whatever is passed
@@ -42,7 +43,7 @@ def cloud_parts(name: str, value: Any) -> CloudParts | None:  # noqa: ANN401 - w
             cloud = call_hook("cloud", value)
         except InputError as error:
             raise InputError(name, remedy=escape(str(error))) from error
-        return CloudParts(cloud.points, cloud.normals, cloud.faces, cloud.colors, cloud.viewpoint)
+        return CloudParts(*(getattr(cloud, name) for name in CloudParts._fields))
     for read in _READERS:
         try:
             parts = read(name, value)

@@ -44,10 +44,8 @@ class FalseAccepts:
             if high < _TOO_FEW
             else "an unknown share"
         )
-        return (
-            f"of {self.accepted} accepted poses, {share} are wrong: {self.decoys} of {self.pairs} mirrored "
-            "sources would be accepted"
-        )
+        wrong = f"{share} of {self.accepted} accepted poses are wrong"
+        return f"{wrong}: {self.decoys} of {self.pairs} mirrored sources would be accepted"
 
 
 @explain_wrong_calls

@@ -207,7 +207,7 @@ def find_cloud(name: str, cloud: object) -> PointCloud | None:
     faces = None if parts.faces is None else arrays.as_faces(f"{name}.faces", parts.faces)
     points = arrays.as_points(name, parts.points)
     colors = arrays.as_colors(parts.colors, len(points))
-    return PointCloud(points, normals, faces, colors, viewpoint=parts.viewpoint)
+    return PointCloud(points, normals, faces, colors, 0, parts.viewpoint, parts.intensities)
 
 
 def as_cloud(name: str, cloud: AnyCloud) -> PointCloud:
