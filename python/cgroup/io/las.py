@@ -33,7 +33,7 @@ _LAS, _HEAD = (".las", ".laz"), 375
 _POINTS = 500_000  # that are moved at a time
 _MOST = 2**31 - 2  # of a coordinate in units of its scale
 _FINE = 1e-7  # share of the extent of other formats that a step of the coordinates is at most
-_MOST_FILES = 2**16 - 1  # that point_source_id can number
+_MOST_16 = 2**16 - 1  # largest number of 16 bits: of files in point_source_id, and of intensities
 _WITH_SCAN_ANGLE, _ANGLE = 6, 0.006  # point format since which scan angles are in this unit, in degrees
 
 
@@ -180,9 +180,9 @@ def merge_files(
     files = [as_path("paths", path) for path in as_items("paths", paths, "give files of clouds")]
     motions = [Motion(check_rigid(pose, "poses"), 1.0) for pose in as_items("poses", poses, "one per file")]
     out = as_path("out", out)
-    if len(files) != len(motions) or not 0 < len(files) <= _MOST_FILES:
+    if len(files) != len(motions) or not 0 < len(files) <= _MOST_16:
         got = f"{len(files)} files, {len(motions)} poses"
-        raise InputError("paths, poses", got, f"give one to {_MOST_FILES} files, and one pose per file")
+        raise InputError("paths, poses", got, f"give one to {_MOST_16} files, and one pose per file")
     if out.suffix.lower() not in (*_LAS, ".e57"):
         raise InputError("out", str(out), "give a name that ends in .las, .laz or .e57")
     check_outputs([out], files)
@@ -286,11 +286,11 @@ def _in_16_bits(values: NDArray[np.float32]) -> tuple[NDArray[np.uint16], list[s
     """Return intensities of LAS, 0 for unknown ones, and a note if they are scaled."""
     known = np.where(np.isfinite(values), values, 0.0).astype(np.float64)
     low, high = min(known.min(initial=0.0), 0.0), known.max(initial=0.0)
-    if low == 0.0 and high <= _MOST_FILES and (known == np.floor(known)).all():
+    if low == 0.0 and high <= _MOST_16 and (known == np.floor(known)).all():
         return known.astype(np.uint16), []
     high = 1.0 if low == 0.0 and high <= 1.0 else high
-    note = f"intensity: {low:g} to {high:g} written as 0 to {_MOST_FILES}"
-    return np.rint((known - low) * (_MOST_FILES / (high - low))).astype(np.uint16), [note]
+    note = f"intensity: {low:g} to {high:g} written as 0 to {_MOST_16}"
+    return np.rint((known - low) * (_MOST_16 / (high - low))).astype(np.uint16), [note]
 
 
 def _join(files: Sequence[Path], headers: Sequence[Any], motions: Sequence[Motion]) -> Any:  # noqa: ANN401 - of laspy

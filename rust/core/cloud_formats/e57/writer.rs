@@ -532,8 +532,11 @@ mod tests {
             let length = number(section + 8);
             prop_assert_eq!(number(section + 16), physical(section as u64 + 64) as usize);
             let fields: Vec<_> = columns.sizes().enumerate().map(|(column, size)| {
-                let most = if size == 1 { 255 } else { 65_535 };
-                let encoding = if size == REAL { Encoding::Double } else { Encoding::Integer { least: 0, most, scale: 1.0, offset: 0.0 } };
+                let encoding = match size {
+                    REAL => Encoding::Double,
+                    1 => Encoding::Integer { least: 0, most: 255, scale: 1.0, offset: 0.0 },
+                    _ => Encoding::Single,
+                };
                 Some(Field { name: column.to_string(), encoding, limits: None })
             }).collect();
             let packets = &content[section + 64..section + length];
