@@ -255,6 +255,8 @@ def test_known_poses_are_those_of_the_named_scans(
     assert [*found] == [1, 0]
     np.testing.assert_array_equal(found[1][:3], np.column_stack([np.eye(3), pose[:3, 3]]))
     np.testing.assert_array_equal(found[0], pose)
+    twice = fail(capsys, "merge", *NAMES, "--known", name, "--known", name)
+    assert "--known, --targets: got several poses of side.ply; give one pose per scan" in twice
     Path(name).write_text(row)
     message = fail(capsys, "merge", *NAMES, "--known", name)
     assert f"--known: got {name}: 1 poses, 0 names, 0 of them of these scans; name the scan" in message
@@ -278,13 +280,13 @@ def test_targets_of_scans_give_their_poses(calls: list[dict[str, Any]], capsys: 
     assert [*found] == [0, 2]
     for row, pose in found.items():
         np.testing.assert_allclose(pose, poses[row], rtol=0, atol=1e-9)
-    for given, says in (
+    for given, message in (
         (["site.csv"], "--targets: got site.csv; give the site's file, then files named as scans"),
         (["site.csv", "b.csv"], "--targets: got site.csv, b.csv; give the site's file"),
         (["site.csv", "side.csv"], "--targets: got side.csv; the pose of the targets is doubtful"),
     ):
         options = [word for name in given for word in ("--targets", name)]
-        assert says in fail(capsys, "merge", *NAMES, *options)
+        assert message in fail(capsys, "merge", *NAMES, *options)
     assert len(calls) == 1
 
 

@@ -35,7 +35,7 @@ def test_decoys_are_counted_over_accepted_poses(pairs: list[tuple[bool, bool]]) 
     if accepted:
         assert 0 <= found.interval[0] <= found.share <= found.interval[1] <= 1
         assert f"of {accepted} accepted poses" in str(found)
-        assert ("an unknown share" in str(found)) == (found.interval[1] >= 0.5)
+        assert ("an unknown number" in str(found)) == (found.interval[1] >= 0.5)
     else:
         assert np.isnan(found.share)
         assert "none" in str(found)

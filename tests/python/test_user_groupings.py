@@ -45,7 +45,7 @@ def test_layouts_and_types_do_not_matter(one: Grouping) -> None:
     "call", [cgroup.match_probabilities, lambda *all_: cgroup.certify(*all_, tolerance=1.0)]
 )
 @pytest.mark.parametrize(
-    ("one", "says"),
+    ("one", "message"),
     [
         (grouping(model=POSE[:3]), r"grouping\.model: got shape \(3, 4\); give \(4,4\), or None"),
         (grouping(model=np.diag([2, 0.5, 1, 1.0])), "a model that is no rigid motion"),
@@ -54,8 +54,8 @@ def test_layouts_and_types_do_not_matter(one: Grouping) -> None:
         (grouping(mask=np.ones(50)), r"grouping\.mask: got shape \(50\) of float64"),
     ],
 )
-def test_others_are_refused(call: object, one: Grouping, says: str) -> None:
-    with pytest.raises(InputError, match=says):
+def test_others_are_refused(call: object, one: Grouping, message: str) -> None:
+    with pytest.raises(InputError, match=message):
         call(MATCHES, one)  # type: ignore[operator]
 
 

@@ -288,8 +288,10 @@ def find_clouds(name: str, paths: Iterable[str | os.PathLike[str]]) -> list[Path
 def _files_of(name: str, path: Path) -> list[Path]:
     text = str(path)
     if os.path.isdir(path):  # noqa: PTH112 - a path that the system refuses is no folder
-        suffixes, own = PARSERS.keys() - _OTHERS_TOO, Results(path, "").unchanged()
-        files = [file for file in _listed(path) if file.suffix.lower() in suffixes and file not in own]
+        suffixes = PARSERS.keys() - _OTHERS_TOO
+        found = [file for file in _listed(path) if file.suffix.lower() in suffixes]
+        own = Results(path, "").unchanged(found)
+        files = [file for file in found if file not in own]
         got = f"a folder without clouds{' but results of cgroup' * bool(own)}"
         remedy = (
             f"files whose names end in {' '.join(sorted(suffixes))} are taken; name others by a pattern, "

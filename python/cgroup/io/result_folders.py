@@ -61,10 +61,10 @@ class Results:
         self._folder, self._by = folder, by
         self.removed: list[Path] = []
 
-    def unchanged(self) -> set[Path]:
-        """Return the results of all runs that nobody has changed, except files that were only moved."""
+    def unchanged(self, paths: Iterable[Path]) -> set[Path]:
+        """Return the paths that are results of any run, and unchanged, except files that were only moved."""
         lines = self._read()
-        found = {self._folder / name: self._found(self._folder / name, lines) for name in lines}
+        found = {path: self._found(path, lines) for path in paths}
         return {path for path, each in found.items() if any(not one.by.startswith("apply ") for one in each)}
 
     def check(self, paths: Iterable[Path], inputs: Iterable[str | os.PathLike[str]] = ()) -> None:

@@ -42,7 +42,7 @@ class FalseAccepts:
         share = (
             f"about {100 * self.share:.3g} % ({low:.3g} to {high:.3g} %)"
             if high < _TOO_FEW
-            else "an unknown share"
+            else "an unknown number"
         )
         wrong = f"{share} of {self.accepted} accepted poses are wrong"
         return f"{wrong}: {self.decoys} of {self.pairs} mirrored sources would be accepted"

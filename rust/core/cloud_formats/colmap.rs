@@ -371,7 +371,7 @@ impl<'a> Bytes<'a> {
         Ok(taken)
     }
 
-    /// Skips items of a size, whose number stands before them.
+    /// Skips items of a size, after their number.
     fn skip(&mut self, bytes_of_number: u64, size: u64) -> Result<()> {
         let count = self.integer(bytes_of_number)?;
         self.take(count.checked_mul(size).ok_or_else(cut_off)?).map(drop)

@@ -214,7 +214,7 @@ impl<'a> Fits<'a> {
         (squares + self.known as f64 * self.expected) / (redundancy + self.known) as f64 + self.floor
     }
 
-    /// Removes the smallest significant sets of targets until none is left, or one can't be told from others.
+    /// Removes the smallest significant sets of targets until none is left, or another set explains as much.
     fn find_blunders(&self) -> Result<Blunders> {
         let count = self.source.len();
         let mut used = memory::collect(0..count)?;

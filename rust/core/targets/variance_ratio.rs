@@ -2,7 +2,7 @@
 
 /// Most terms of the continued fraction; some dozens suffice.
 const MOST_TERMS: u32 = 1000;
-/// Stands in for a denominator of zero.
+/// Replaces a denominator of zero.
 const TINY: f64 = 1e-300;
 
 /// The ratio of a variance of `count` observations to an independent one of `freedom` observations.

@@ -1,5 +1,6 @@
 """``cgroup merge``: register many scans into one scene."""
 
+from collections import Counter
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
@@ -217,9 +218,7 @@ def _read_names(scans: Sequence[Path], known: Sequence[Path], targets: Sequence[
     names, stems = unique_names(scans, [scan.name for scan in scans]), [scan.stem for scan in scans]
     rows = {escape(stem): row for row, stem in enumerate(stems) if stems.count(stem) == 1}
     rows |= {escape(name): row for row, name in enumerate(names)}
-    found = dict[int, FloatArray]()
-    for file in known:
-        found |= _read_known(file, rows)
+    found = [pair for file in known for pair in _read_known(file, rows)]
     if (targets and not all(escape(file.stem) in rows for file in targets[1:])) or len(targets) == 1:
         got, remedy = ", ".join(map(str, targets)), "give the site's file, then files named as scans"
         raise InputError("targets", got, f"{remedy}: --targets site.csv --targets {stems[0]}.csv")
@@ -227,19 +226,22 @@ def _read_names(scans: Sequence[Path], known: Sequence[Path], targets: Sequence[
         fit = fit_files((file, targets[0]), None)[1]
         if (doubt := refuse_targets(fit)) is not None:
             raise InputError("targets", f"{file}", f"{doubt}; cgroup group --targets has the report")
-        found[rows[escape(file.stem)]] = fit["T_target_source"]
-    return {"names": names} | ({"known": found} if found else {})
+        found.append((rows[escape(file.stem)], fit["T_target_source"]))
+    if len(known_poses := dict(found)) < len(found):
+        row = Counter(row for row, _ in found).most_common(1)[0][0]
+        raise InputError("known, targets", f"several poses of {names[row]}", "give one pose per scan")
+    return {"names": names} | ({"known": known_poses} if found else {})
 
 
-def _read_known(file: Path, rows: Mapping[str, int]) -> dict[int, FloatArray]:
-    """Return the poses of a file by the rows of the scans that it names."""
+def _read_known(file: Path, rows: Mapping[str, int]) -> list[tuple[int, FloatArray]]:
+    """Return the poses of a file, each with the row of the scan that it names."""
     poses, beside = read_transforms(file), names_file(file)
     text = load_text(beside if beside.is_file() else file)
     listed = find_names(text.splitlines())
     called = [listed.names[row] for row in listed.rows] or [*filter(None, [find_source(text)])]
     keys = ((name, Path(name).name, Path(name).stem) for name in called)
     placed = [next((rows[key] for key in each if key in rows), None) for each in keys]
-    found = {row: pose for row, pose in zip(placed, poses, strict=False) if row is not None}
+    found = [(row, pose) for row, pose in zip(placed, poses, strict=False) if row is not None]
     if not len(called) == len(set(called)) == len(poses) or not found:
         got = f"{file}: {len(poses)} poses, {len(called)} names, {len(found)} of them of these scans"
         raise InputError("known", got, "name the scan of each pose in a comment: # scan 0: a.ply")
