@@ -118,8 +118,9 @@ def fit_targets(
     """
     if isinstance(source, Mapping) and isinstance(target, Mapping):
         remedy = "give a dict of points by name"
-        both = as_named("source", source, remedy), as_named("target", target, remedy)
-        called, one, other, notes = _match_names(*both)
+        source = as_named("source", source, remedy, may_be_empty=True)
+        target = as_named("target", target, remedy, may_be_empty=True)
+        called, one, other, notes = _match_names(source, target)
     else:
         one, other, notes = finite_points("source", source), finite_points("target", target), []
         called = [*map(str, range(1, len(one) + 1))] if names is None else _as_names(names, len(one))

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from public_calls import PAIR, PROBLEM, Call, called_names, public_calls
+from wrong_calls import drawn
 from wrong_values import HUGE, WRONG, FloatLike
 
 from cgroup import plots, registration
@@ -63,6 +64,19 @@ def test_names_that_are_no_text_are_refused(parameter: str, call: Callable[[], o
     with pytest.raises(
         InputError, match=f"^{parameter}: got the key .*, which is no text; give a dict of .* by "
     ):
+        call()
+
+
+@pytest.mark.parametrize(
+    ("parameter", "call"),
+    [
+        ("models", lambda: registration.recognize({}, PAIR.target)),
+        ("keypoints", lambda: plots.keypoints_figure(PROBLEM.source, {}, title="")),
+        ("masks", lambda: drawn(correct=PROBLEM.inlier_mask, masks={})(plots.comparison_figure)),
+    ],
+)
+def test_no_names_are_refused(parameter: str, call: Callable[[], object]) -> None:
+    with pytest.raises(InputError, match=f"^{parameter}: got none; give a dict of .* by "):
         call()
 
 

@@ -158,13 +158,15 @@ def as_items(name: str, value: Any, remedy: str) -> list[Any]:  # noqa: ANN401 -
         raise refusal(name, value, remedy) from error
 
 
-def as_named(name: str, value: object, remedy: str) -> Mapping[str, Any]:
+def as_named(name: str, value: object, remedy: str, *, may_be_empty: bool = False) -> Mapping[str, Any]:
     """Return a mapping whose keys are names."""
     if not isinstance(value, Mapping):
         raise refusal(name, value, remedy)
     for key in value:
         if not isinstance(key, str):
             raise InputError(name, f"the key {show(key)}, which is no text", remedy)
+    if not (value or may_be_empty):
+        raise InputError(name, "none", remedy)
     return value
 
 

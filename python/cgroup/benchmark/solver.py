@@ -106,7 +106,7 @@ def make_solver(
 
     An empty label is replaced by the name. Options must be values that JSON can hold.
     """
-    as_named("options", options, "give a dict of values by the name of the option")
+    as_named("options", options, "give a dict of values by the name of the option", may_be_empty=True)
     if kind == "method" and ":" not in name:
         name = find_method(name, _OTHERWISE).name
     if kind == "method":

@@ -125,7 +125,7 @@ def comparison_figure(
     Raises
     ------
     ValueError
-        For masks that aren't aligned with the matches.
+        For no masks, or masks that aren't aligned with the matches.
     """
     as_named("masks", masks, "give a dict of masks by the name of the method")
     rows = -(-len(masks) // _COLUMNS)
@@ -191,6 +191,8 @@ def keypoints_figure(points: AnyCloud, keypoints: Mapping[str, ArrayLike], *, ti
     ------
     IndexError
         For keypoints that are no rows of the points.
+    InputError
+        For no detectors.
     """
     cloud = as_points("points", points)
     as_named("keypoints", keypoints, "give a dict of rows by the name of the detector")

@@ -160,8 +160,6 @@ def _prepare_all(
     as_named("models", models, "give a dict of clouds by name")
     if viewpoint is not None:
         as_place("viewpoint", viewpoint)
-    if not models:
-        raise InputError("models", "none", "give one or more, by name")
     target = as_given("scene", scene, viewpoint)
     by_frames = target.by_frames
     sources = [_as_model(name, model, by_frames=by_frames) for name, model in models.items()]
