@@ -107,10 +107,7 @@ WRONG_CALLS: dict[str, list[Callable[[Any], Any]]] = {
     "cgroup.io.merge_files": [given([], [], "merged.las"), given(["scan.ply"], [np.eye(4)], "merged.ply")],
     "cgroup.io.transform_file": [given("scan.vtk", np.eye(4), "moved.vtk")],
     "cgroup.plots.comparison_figure": [drawn(correct=PROBLEM.inlier_mask, masks={"gtm": np.ones(3, bool)})],
-    "cgroup.plots.keypoints_figure": [
-        given(PROBLEM.source, {"h3d": np.array([12])}, title=""),
-        given(PROBLEM.source, {}, title=""),
-    ],
+    "cgroup.plots.keypoints_figure": [given(PROBLEM.source, {"h3d": np.array([12])}, title="")],
     "cgroup.plots.registration_figure": [drawn(mask=np.ones(13, bool))],
     "cgroup.pages.comparison_page": [given(CLOUD, CLOUD, BARE, [], np.eye(4))],
     "cgroup.pages.location_page": [given(CLOUD, PLACE, []), given(CLOUD, CLOUD, [DONE])],

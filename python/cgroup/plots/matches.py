@@ -191,8 +191,6 @@ def keypoints_figure(points: AnyCloud, keypoints: Mapping[str, ArrayLike], *, ti
     ------
     IndexError
         For keypoints that are no rows of the points.
-    InputError
-        For no detectors.
     """
     cloud = as_points("points", points)
     as_named("keypoints", keypoints, "give a dict of rows by the name of the detector")
