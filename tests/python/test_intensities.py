@@ -137,3 +137,17 @@ def test_merged_las_has_16_bits(tmp_path: Path, given_: list[float], stored: lis
     assert laspy.read(tmp_path / "out.las").intensity.tolist() == stored
     assert merge_files([tmp_path / "a.ply"], [np.eye(4)], tmp_path / "out.e57") == []
     np.testing.assert_array_equal(read_cloud(tmp_path / "out.e57").intensities, np.array(given_, np.float32))
+
+
+def test_merged_las_has_one_scale_for_all_files(tmp_path: Path) -> None:
+    for name, given_ in (("a.ply", [0.0, 0.5, 1.0]), ("b.pcd", [0.0, 2.0, 4.0]), ("c.ply", [0.0, 0.0, 0.0])):
+        write_cloud(tmp_path / name, PointCloud(np.eye(3), intensities=np.array(given_, np.float32)))
+    write_cloud(tmp_path / "d.ply", PointCloud(np.eye(3)))
+    paths = [tmp_path / name for name in ("a.ply", "b.pcd", "c.ply", "d.ply")]
+    notes = merge_files(paths, [np.eye(4)] * 4, tmp_path / "out.laz")
+    assert notes == [f"{name}: intensity: 0 to 4 written as 0 to 65535" for name in ("a.ply", "b.pcd")]
+    stored = laspy.read(tmp_path / "out.laz").intensity.reshape(4, 3).tolist()
+    assert stored == [[0, 8192, 16384], [0, 32768, 65535], [0, 0, 0], [0, 0, 0]]
+    write_cloud(tmp_path / "a.ply", PointCloud(np.eye(3), intensities=np.array([0, 7, 200], np.float32)))
+    assert merge_files(paths, [np.eye(4)] * 4, tmp_path / "out.laz") == []
+    assert laspy.read(tmp_path / "out.laz").intensity[:6].tolist() == [0, 7, 200, 0, 2, 4]

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -34,6 +34,9 @@ _POINTS = 500_000  # that are moved at a time
 _MOST = 2**31 - 2  # of a coordinate in units of its scale
 _FINE = 1e-7  # share of the extent of other formats that a step of the coordinates is at most
 _MOST_16 = 2**16 - 1  # largest number of 16 bits: of files in point_source_id, and of intensities
+_Scale: TypeAlias = tuple[float, float]  # intensities that are stored as 0 and _MOST_16
+_Range: TypeAlias = tuple[float, float, bool]  # least and largest intensity, or 0; whether all are whole
+_AS_IS, _NONE = (0.0, float(_MOST_16)), (0.0, 0.0, True)
 _WITH_SCAN_ANGLE, _ANGLE = 6, 0.006  # point format since which scan angles are in this unit, in degrees
 
 
@@ -145,9 +148,9 @@ def merge_files(
 
     In LAS, ``point_source_id`` is the number of each point's file, from 1. LAS and LAZ files keep all other
     attributes, and the first one's VLRs; of other files positions, colours and intensities are kept, which
-    are scaled to 16 bits unless they are such whole numbers. In E57, each file is a scan with its pose, in
-    float64: coordinates stay in the frame of the file, relative to the scanner if its position is known.
-    Colours, normals and intensities are kept.
+    are scaled to 16 bits, alike for all files, unless they are such whole numbers. In E57, each file is a
+    scan with its pose, in float64: coordinates stay in the frame of the file, relative to the scanner if its
+    position is known. Colours, normals and intensities are kept.
 
     Parameters
     ----------
@@ -201,14 +204,14 @@ def _write_scans(files: Sequence[Path], motions: Sequence[Motion], out: Path) ->
                 motion.notes.extend(f"{name}: not kept" for name in unkept_attributes(file))
                 yield scan_of(file.name, read_cloud(file), motion.matrix)
                 continue
-            header, _, blocks = _open(file)
+            header, *_, blocks = _open(file)
             factor = 257 if any(_colors_of(points).max(initial=0) > 255 for points in blocks) else 1
             lost = [name for name in unkept_attributes(file) if name != "intensity"]
             lost += header.point_format.extra_dimension_names
             lost += ["coordinate system"] if _projection(header) else []
             motion.notes.extend(f"{name}: not kept" for name in lost)
             motion.notes.extend(["colors: rounded to 8 bits"] * (factor > 1))
-            blocks = map(partial(_columns, factor=factor), _open(file)[2])
+            blocks = map(partial(_columns, factor=factor), _open(file)[-1])
             yield file.name, motion.matrix, header.point_count, blocks
 
     write_stream(out, partial(write_e57, scans=scans()))
@@ -228,37 +231,37 @@ def _colors_of(points: Any) -> NDArray[np.uint16]:  # noqa: ANN401 - of laspy
 
 
 def _write_joined(files: Sequence[Path], motions: Sequence[Motion], out: Path) -> None:
-    headers: list[Any] = []
-    for file, motion in zip(files, motions, strict=True):
-        header, lost, _ = _open(file)
-        headers.append(header)
-        motion.notes.extend(lost)
+    headers, lost, ranges = zip(*(_open(file)[:-1] for file in files), strict=True)
+    low, high = scale = _share_scale(ranges)
+    for motion, notes, strengths in zip(motions, lost, ranges, strict=True):
+        motion.notes.extend(notes)
+        if strengths != _NONE and scale != _AS_IS:
+            motion.notes.append(f"intensity: {low:g} to {high:g} written as 0 to {_MOST_16}")
     joined = _join(files, headers, motions)
 
     def write(stream: BinaryIO) -> None:
         from laspy import LasWriter  # noqa: PLC0415 - slow to load, optional
 
-        is_packed = out.suffix.lower() == ".laz"
-        with LasWriter(stream, joined, do_compress=is_packed, closefd=False) as writer:
+        is_laz = out.suffix.lower() == ".laz"
+        with LasWriter(stream, joined, do_compress=is_laz, closefd=False) as writer:
             for number, (file, motion) in enumerate(zip(files, motions, strict=True), 1):
-                for points in _open(file)[2]:
+                for points in _open(file, scale)[-1]:
                     writer.write_points(_convert(points, joined, motion, number))
 
     write_stream(out, write)
 
 
-def _open(path: Path) -> tuple[Any, list[str], Iterator[Any]]:
-    """Return the header of a file and blocks of its points, as laspy has them, and what these do not have."""
-    parts = _parts(path)  # a generator: the errors of writing its blocks are not those of this file
-    return next(parts), next(parts), parts
+def _open(path: Path, scale: _Scale = _AS_IS) -> tuple[Any, list[str], _Range, Iterator[Any]]:
+    """Return a file's header, notes on what its points lose, the range of its intensities, and its points."""
+    parts = _parts(path, scale)  # a generator: the errors of writing its blocks are not those of this file
+    return next(parts), next(parts), next(parts), parts
 
 
-def _parts(path: Path) -> Iterator[Any]:
+def _parts(path: Path, scale: _Scale) -> Iterator[Any]:
     with faults_of(path, "las"):
         if path.suffix.lower() in _LAS:
             with open_input(path) as source, _open_las(source) as reader:
-                yield reader.header
-                yield []
+                yield from (reader.header, [], _NONE)
                 yield from _blocks(reader)
             return
         import laspy  # noqa: PLC0415 - slow to load, optional
@@ -273,24 +276,23 @@ def _parts(path: Path) -> Iterator[Any]:
         if cloud.colors is not None:
             made.red, made.green, made.blue = (257 * cloud.colors.T.astype(np.uint16)).tolist()
         notes = [f"{name}: not kept" for name in ("normals", "faces") if getattr(cloud, name) is not None]
+        strengths = _NONE
         if cloud.intensities is not None:
-            made.intensity, scaled = _in_16_bits(cloud.intensities)
-            notes += scaled
+            known = np.where(np.isfinite(cloud.intensities), cloud.intensities, 0.0).astype(np.float64)
+            strengths = min(known.min(initial=0.0), 0.0), known.max(initial=0.0), not (known % 1).any()
+            scaled = np.rint((known - scale[0]) * (_MOST_16 / (scale[1] - scale[0])))
+            made.intensity = scaled.clip(0, _MOST_16).astype(np.uint16)
         made.update_header()
-        yield made.header
-        yield [*notes, *(f"{name}: not kept" for name in unkept_attributes(path))]
-        yield made.points
+        notes += (f"{name}: not kept" for name in unkept_attributes(path))
+        yield from (made.header, notes, strengths, made.points)
 
 
-def _in_16_bits(values: NDArray[np.float32]) -> tuple[NDArray[np.uint16], list[str]]:
-    """Return intensities of LAS, 0 for unknown ones, and a note if they are scaled."""
-    known = np.where(np.isfinite(values), values, 0.0).astype(np.float64)
-    low, high = min(known.min(initial=0.0), 0.0), known.max(initial=0.0)
-    if low == 0.0 and high <= _MOST_16 and (known == np.floor(known)).all():
-        return known.astype(np.uint16), []
-    high = 1.0 if low == 0.0 and high <= 1.0 else high
-    note = f"intensity: {low:g} to {high:g} written as 0 to {_MOST_16}"
-    return np.rint((known - low) * (_MOST_16 / (high - low))).astype(np.uint16), [note]
+def _share_scale(ranges: Sequence[_Range]) -> _Scale:
+    """Return the intensities that LAS stores as 0 and 65,535."""
+    low, high = min(one[0] for one in ranges), max(one[1] for one in ranges)
+    if low == 0.0 and high <= _MOST_16 and all(is_whole for *_, is_whole in ranges):
+        return _AS_IS
+    return low, 1.0 if low == 0.0 and high <= 1.0 else high
 
 
 def _join(files: Sequence[Path], headers: Sequence[Any], motions: Sequence[Motion]) -> Any:  # noqa: ANN401 - of laspy
@@ -335,10 +337,8 @@ def _convert(points: Any, joined: Any, motion: Motion, number: int) -> Any:  # n
 
     moved = laspy.ScaleAwarePointRecord.zeros(len(points), header=joined)
     moved.copy_fields_from(points)
-    if (
-        "scan_angle_rank" in points.point_format.dimension_names
-        and joined.point_format.id >= _WITH_SCAN_ANGLE
-    ):
+    has_rank = "scan_angle_rank" in points.point_format.dimension_names
+    if has_rank and joined.point_format.id >= _WITH_SCAN_ANGLE:
         moved.scan_angle = np.rint(points.scan_angle_rank / _ANGLE)
     _move_points(motion, points, moved, joined)
     moved.point_source_id = np.full(len(points), number, np.uint16)
