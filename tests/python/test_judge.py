@@ -12,6 +12,7 @@ from cgroup._core import weigh
 from cgroup.datasets import standin_pair
 from cgroup.registration import prepare
 from cgroup.registration.judge import Case, Found, bound_by_motions, choose_apart, judge, share_probability
+from cgroup.scenes.links import Link
 from cgroup.types import Correspondences
 from strategies import rigid
 
@@ -139,6 +140,18 @@ def test_a_pose_is_accepted_from_one_half() -> None:
         assert judgement.ok == ok
         words = f"only {share:.2f}: 80 % of the source overlaps the target, and 600 of 900 matches agree"
         assert (words in judgement.reason) != ok
+
+
+@pytest.mark.parametrize("probability", [0.5, 0.6999, 0.7, 1.0])
+def test_a_pose_with_alternatives_is_accepted_from_seven_tenths(probability: float) -> None:
+    judgement = judge(found(probability=probability), SCAN, SCAN)
+    assert judgement.ok == (probability >= 0.7)
+    words = f"several places look the same: 2 poses share the probability, and the best has {probability:.2f}"
+    assert (words in judgement.reason) != judgement.ok
+    for share, is_rival in ((0.3, True), (0.299, False)):
+        chances = np.array([probability, share * probability])
+        one = Link(poses((0, 0), (90, 0)), chances, np.eye(6), 0.8, 0.8)
+        assert one.is_accepted == (judgement.ok or not is_rival)
 
 
 def test_an_accepted_pose_says_where_a_viewpoint_cannot_be_right() -> None:

@@ -121,7 +121,7 @@ def _find(
     fitting, finer = levels
     locating = look(fitting)
     best = locating.run("low")
-    if not best or not pairwise.is_accepted(best[0][0].probability):
+    if not best or not pairwise.is_accepted(best[0][0].probability, has_rivals=best[0][0].has_rivals):
         locating = locating if finer is fitting else look(finer)
         found = locating.run(search.effort)
         if found and (not best or found[0][0].probability > best[0][0].probability):

@@ -16,6 +16,7 @@ from cgroup.rigid.locks import Locks
 from cgroup.types import Agreement, BoolArray, Correspondences, FloatArray, Grouping, Rule
 
 ACCEPTED = 0.5  # probability from which a pose is accepted
+ACCEPTED_WITH_RIVALS = 0.7  # the same if there are alternatives, of which the evidence can prefer a wrong one
 GROUP_WITHIN = 2.0  # residual in voxels within which a match belongs to the verified group
 MOST_OPEN_MOTIONS = 1  # largest number of open motions: along a corridor a pose is still useful
 MOVED_BY_REFINING = 0.4  # displacement by refining, in voxels, at which half of a pose's probability is left
@@ -52,6 +53,11 @@ class Found:
     scale_factor: float = 1.0  # factor of the probability by that scale
     decoy: float | None = None  # probability of the best pose of the mirrored source
     seconds: dict[str, float] = field(default_factory=dict)  # wall time of the stages
+
+    @property
+    def has_rivals(self) -> bool:
+        """Whether other poses share the probability."""
+        return len(self.alternatives) > 0
 
     @cached_property
     def grouping(self) -> Grouping:
@@ -95,7 +101,7 @@ def judge(
         reason = f"{reason}; {_remedy(source, target, axis, scaled=scaled)}"
         return Judgement(ok=False, probability=0.0, reason=reason, notes=())
     notes = tuple(_notes(found, source.scan, target.scan))
-    if is_accepted(found.probability):
+    if is_accepted(found.probability, has_rivals=found.has_rivals):
         notes += (*_find_rounded(source, target), *_find_layers(source, target))
         return Judgement(ok=True, probability=found.probability, reason="", notes=notes)
     reason = _explain(found, notes[0] if found.motions > MOST_OPEN_MOTIONS else "")
@@ -103,9 +109,9 @@ def judge(
     return Judgement(ok=False, probability=found.probability, reason=reason, notes=notes)
 
 
-def is_accepted(probability: float) -> bool:
-    """Return whether a pose is accepted."""
-    return probability >= ACCEPTED
+def is_accepted(probability: float, *, has_rivals: bool = False) -> bool:
+    """Return whether a pose is accepted; more is needed if other poses share the probability."""
+    return probability >= (ACCEPTED_WITH_RIVALS if has_rivals else ACCEPTED)
 
 
 def lock(found: Found, judgement: Judgement, locks: Locks) -> tuple[Found, Judgement]:
@@ -115,12 +121,13 @@ def lock(found: Found, judgement: Judgement, locks: Locks) -> tuple[Found, Judge
     voxels = float(np.sqrt((moved**2).sum(axis=1).mean())) / found.voxel
     chance = found.probability * share_left(voxels)
     reason = judgement.reason
-    if judgement.ok and not is_accepted(chance):
+    ok = is_accepted(chance, has_rivals=found.has_rivals)
+    if judgement.ok and not ok:
         degrees = float(np.degrees(np.linalg.norm(locks.excess(found.pose)[:3])))
         reason = f"the best pose is {voxels:.2g} voxels and {degrees:.2g} degrees off the locked axes"
         reason += "; leave out `free`, or correct the frames"
     locked = replace(found, pose=pose, probability=chance, covariance=lambda: covariance)
-    return locked, replace(judgement, ok=is_accepted(chance), probability=chance, reason=reason)
+    return locked, replace(judgement, ok=ok, probability=chance, reason=reason)
 
 
 def share_probability(cases: Sequence[Case], scales: int = 1) -> tuple[float, FloatArray]:
@@ -162,7 +169,7 @@ def _explain(found: Found, open_motions: str) -> str:
         return open_motions
     if found.better_scale != 1.0:
         return _say_scale(found)
-    if len(found.alternatives):
+    if found.has_rivals:
         count = 1 + len(found.alternatives)
         return (
             f"several places look the same: {count} poses share the probability, and the best has "

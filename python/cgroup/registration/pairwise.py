@@ -15,6 +15,7 @@ from cgroup.errors import InputError
 from cgroup.registration.decoys import FalseAccepts, count_false_accepts
 from cgroup.registration.judge import (
     ACCEPTED,
+    AS_GOOD,
     Case,
     Found,
     are_alternatives,
@@ -40,11 +41,11 @@ from cgroup.registration.result import Registration, merge_clouds, registration_
 from cgroup.registration.search import EFFORTS, Depth, Effort, Region, Search, confirm_pose
 
 __all__ = [
-    "ACCEPTED", "EFFORTS", "FINE", "LEAST_VOXELS", "Case", "DenseFront", "Depth", "Effort", "FalseAccepts",
-    "Found", "Given", "Preparation", "PreparedScan", "Region", "Registration", "Search", "agree",
-    "are_alternatives", "as_given", "as_pairs", "as_viewpoints", "bound_by_motions", "bound_by_size",
-    "choose_apart", "confirm_pose", "count_false_accepts", "is_accepted", "judge", "merge_clouds",
-    "registration_of", "share_left", "share_probability",
+    "ACCEPTED", "AS_GOOD", "EFFORTS", "FINE", "LEAST_VOXELS", "Case", "DenseFront", "Depth", "Effort",
+    "FalseAccepts", "Found", "Given", "Preparation", "PreparedScan", "Region", "Registration", "Search",
+    "agree", "are_alternatives", "as_given", "as_pairs", "as_viewpoints", "bound_by_motions",
+    "bound_by_size", "choose_apart", "confirm_pose", "count_false_accepts", "is_accepted", "judge",
+    "merge_clouds", "registration_of", "share_left", "share_probability",
 ]  # fmt: skip
 
 

@@ -9,8 +9,7 @@ from typing import TypeAlias
 import numpy as np
 
 from cgroup._runtime.progress import StageClock, ignore_progress
-from cgroup.registration import PreparedScan
-from cgroup.registration.pairwise import Depth, Found, Search, bound_by_motions, confirm_pose, is_accepted
+from cgroup.registration import PreparedScan, pairwise
 from cgroup.rigid.se3 import adjoint
 from cgroup.types import FloatArray, IndexArray
 
@@ -47,7 +46,8 @@ class Link:
     @property
     def is_accepted(self) -> bool:
         """Whether the best pose is accepted from the two scans only."""
-        return is_accepted(self.probability)
+        rivals = self.chances[1:] >= pairwise.AS_GOOD * self.probability
+        return pairwise.is_accepted(self.probability, has_rivals=bool(rivals.any()))
 
     @property
     def inverse(self) -> Link:
@@ -75,18 +75,17 @@ def link(
     source: PreparedScan,
     target: PreparedScan,
     axis: FloatArray | None,
-    effort: Depth,
+    effort: pairwise.Depth,
     proposed: FloatArray | None = None,
 ) -> Link | None:
     """Register two scans; None if there is no candidate pose."""
-    source, target = _oriented_alike(source, target)
-    search = Search("lc", {}, axis, effort, 1, StageClock(ignore_progress), proposed=proposed)
-    found = search.run(source, target)
+    search = pairwise.Search("lc", {}, axis, effort, 1, StageClock(ignore_progress), proposed=proposed)
+    found = search.run(*_oriented_alike(source, target))
     if found is None:
         return None
     chances = found.probability * np.concatenate([[1.0], np.minimum(found.shares, 1.0)])
     total = chances.sum()
-    chances *= bound_by_motions(total, found.motions) / total  # for any best pose
+    chances *= pairwise.bound_by_motions(total, found.motions) / total  # for any best pose
     places = np.concatenate([found.pose[None], found.places[1:]])
     decoy = np.nan if found.decoy is None else found.decoy
     return Link(places, chances, found.covariance(), found.fitness, found.target_fitness, decoy)
@@ -94,17 +93,17 @@ def link(
 
 def confirm(source: PreparedScan, target: PreparedScan, pose: FloatArray) -> Link | None:
     """Refine a predicted pose, and estimate its probability alone; None without overlap."""
-    found = confirm_pose(*_oriented_alike(source, target), pose, 1)
+    found = pairwise.confirm_pose(*_oriented_alike(source, target), pose, 1)
     return None if found is None else _link_of(found, found.covariance())
 
 
 def weigh_pose(source: PreparedScan, target: PreparedScan, pose: FloatArray) -> Link | None:
     """Refine and judge a predicted pose without its covariance, the slowest part."""
-    found = confirm_pose(*_oriented_alike(source, target), pose, 1)
+    found = pairwise.confirm_pose(*_oriented_alike(source, target), pose, 1)
     return None if found is None else _link_of(found, np.full((6, 6), np.nan))
 
 
-def _link_of(found: Found, covariance: FloatArray) -> Link:
+def _link_of(found: pairwise.Found, covariance: FloatArray) -> Link:
     chances = np.array([found.probability])
     return Link(found.pose[None], chances, covariance, found.fitness, found.target_fitness)
 
