@@ -1,14 +1,18 @@
 """Intensities of points: read and written by every format that has them, selected, averaged and merged."""
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import laspy
 import numpy as np
 import pytest
+from bag_files import cloud_message
 from e57_files import FLOAT, e57
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from las_files import make_pose
+from test_foreign_clouds import Frame, Tensor, TensorMap
 
 from cgroup.datasets import standin_pair
 from cgroup.errors import InputError
@@ -151,3 +155,40 @@ def test_merged_las_has_one_scale_for_all_files(tmp_path: Path) -> None:
     write_cloud(tmp_path / "a.ply", PointCloud(np.eye(3), intensities=np.array([0, 7, 200], np.float32)))
     assert merge_files(paths, [np.eye(4)] * 4, tmp_path / "out.laz") == []
     assert laspy.read(tmp_path / "out.laz").intensity[:6].tolist() == [0, 7, 200, 0, 2, 4]
+
+
+STRENGTHS = np.array([0, 700, 65535], np.uint16)
+
+
+def clouds_of_libraries() -> dict[str, Any]:
+    """Clouds of other libraries with intensities, by name."""
+    columns = np.column_stack([np.eye(3), STRENGTHS])
+    rows = np.rec.fromarrays(columns.T, names="x,y,z,Intensity")
+    tensors = TensorMap(positions=Tensor(np.eye(3)), intensities=Tensor(STRENGTHS[:, None]))
+    return {
+        "table": Frame(["x", "y", "z", "intensity"], columns),
+        "CloudCompare": Frame(["//X", "Y", "Z", "Scalar_Intensity"], columns),
+        "records": np.array(rows, rows.dtype),
+        "laspy": SimpleNamespace(xyz=np.eye(3), points=rows, intensity=STRENGTHS),
+        "Open3D": SimpleNamespace(point=tensors),
+    }
+
+
+@pytest.mark.parametrize("kind", [*clouds_of_libraries(), "ROS"])
+def test_intensities_of_other_libraries_are_kept(tmp_path: Path, kind: str) -> None:
+    given_ = {**clouds_of_libraries(), "ROS": cloud_message(np.eye(3))}[kind]
+    write_cloud(tmp_path / "a.ply", given_)
+    wanted = np.zeros(3) if kind == "ROS" else STRENGTHS
+    np.testing.assert_array_equal(read_cloud(tmp_path / "a.ply").intensities, wanted)
+
+
+@pytest.mark.parametrize(
+    "column", [np.array(["a", "b", "c"]), np.array([1, None, 2], object), np.array([1j, 2, 3])]
+)
+def test_intensities_that_are_no_real_numbers_are_not_read(tmp_path: Path, column: np.ndarray) -> None:
+    records = np.zeros(3, [*((axis, float) for axis in "xyz"), ("intensity", column.dtype)])
+    records["intensity"] = column
+    write_cloud(tmp_path / "a.ply", records)
+    assert read_cloud(tmp_path / "a.ply").intensities is None
+    write_cloud(tmp_path / "a.ply", SimpleNamespace(xyz=np.eye(3), intensity=np.arange(2)))
+    assert read_cloud(tmp_path / "a.ply").intensities is None

@@ -72,7 +72,7 @@ def as_host_array(name: str, value: Any) -> Any:  # noqa: ANN401 - whatever is p
 
 
 def _parts_of_columns(name: str, columns: Iterable[Any], column: Callable[[Any], Any]) -> CloudParts:
-    """Return the points, and the normals if any, from named columns."""
+    """Return the points, and the normals and intensities if any, from named columns."""
     keys = list(columns)
     named: dict[str, list[Any]] = {}
     for key in keys:
@@ -93,7 +93,19 @@ def _parts_of_columns(name: str, columns: Iterable[Any], column: Callable[[Any],
         shown = ", ".join(str(key) for key in keys[:8]) + (", ..." if len(keys) > 8 else "")
         raise InputError(name, f"columns {shown}", "call three of them x, y and z, or give these three alone")
     normals = find(("nx", "ny", "nz"))
-    return CloudParts(points, find(("normal_x", "normal_y", "normal_z")) if normals is None else normals)
+    normals = find(("normal_x", "normal_y", "normal_z")) if normals is None else normals
+    strengths = [column(each) for name in ("intensity", "scalar_intensity") for each in named.get(name, ())]
+    given = _stack(strengths[:1]) if strengths else None
+    return CloudParts(points, normals, intensities=_intensities(given, len(points)))
+
+
+def _intensities(values: Any, count: int) -> Any:  # noqa: ANN401
+    """Return intensities (N,) of float32; None if the values are not one real number per point."""
+    given = np.asarray(as_host_array("intensities", values))
+    if given.dtype.kind not in "biuf" or given.size != count:
+        return None
+    with np.errstate(over="ignore"):
+        return given.reshape(-1).astype(np.float32)
 
 
 def _stack(columns: list[Any]) -> Any:  # noqa: ANN401 - checked by the caller
@@ -119,7 +131,9 @@ def _read_tensor_cloud(_name: str, value: Any) -> CloudParts | None:  # noqa: AN
         if not callable(points) and "positions" in points:
             corners: Any = getattr(value, triangles) if triangles else ()
             normals, colors = _entry(points, "normals"), _entry(points, "colors")
-            return CloudParts(points["positions"], normals, _entry(corners, "indices"), colors)
+            strengths = _intensities(_entry(points, "intensities"), len(points["positions"]))
+            indices = _entry(corners, "indices")
+            return CloudParts(points["positions"], normals, indices, colors, intensities=strengths)
     return None
 
 
@@ -161,7 +175,9 @@ def _read_attributes(_name: str, value: Any) -> CloudParts | None:  # noqa: ANN4
         points = getattr(value, where, None)
         if points is not None and not callable(points):
             colors = getattr(value, "colors", getattr(value, "vertex_colors", None))
-            return CloudParts(points, _stored_normals(value), _triangles(value), colors)
+            strengths = _intensities(getattr(value, "intensity", None), len(points))
+            normals, faces = _stored_normals(value), _triangles(value)
+            return CloudParts(points, normals, faces, colors, intensities=strengths)
     return None
 
 
