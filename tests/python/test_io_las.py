@@ -57,6 +57,8 @@ def test_as_laspy_reads_them(point_format: int, version: str, suffix: str, tmp_p
         random_las(point_format, version, count, is_wild=is_wild).write(path)
         theirs, ours = laspy.read(path), read_cloud(path)
         np.testing.assert_array_equal(ours.points, theirs.xyz)
+        wanted = theirs.intensity if theirs.intensity.any() else None
+        np.testing.assert_array_equal(ours.intensities, wanted)
         if "red" not in theirs.point_format.dimension_names:
             assert ours.colors is None
             continue

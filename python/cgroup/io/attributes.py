@@ -14,7 +14,7 @@ _KEPT = {
     *("diffuse_red", "diffuse_green", "diffuse_blue", "vp_x", "vp_y", "vp_z"),
     *("intensity", "scalar_intensity"),
 }
-_LAS = ("intensity", "returns", "classification", "scan angle", "user data", "point source")
+_LAS = ("returns", "classification", "scan angle", "user data", "point source")
 _WITHOUT_TIME, _WITH_NEAR_INFRARED, _WITH_WAVES = {0, 2}, {8, 10}, {4, 5, 9, 10}  # point formats of LAS
 
 # Columns that are read if no line has names; of PTS all are

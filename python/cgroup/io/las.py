@@ -206,8 +206,7 @@ def _write_scans(files: Sequence[Path], motions: Sequence[Motion], out: Path) ->
                 continue
             header, *_, blocks = _open(file)
             factor = 257 if any(_colors_of(points).max(initial=0) > 255 for points in blocks) else 1
-            lost = [name for name in unkept_attributes(file) if name != "intensity"]
-            lost += header.point_format.extra_dimension_names
+            lost = [*unkept_attributes(file), *header.point_format.extra_dimension_names]
             lost += ["coordinate system"] if _projection(header) else []
             motion.notes.extend(f"{name}: not kept" for name in lost)
             motion.notes.extend(["colors: rounded to 8 bits"] * (factor > 1))

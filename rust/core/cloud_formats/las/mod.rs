@@ -2,7 +2,7 @@
 //! form.
 //!
 //! Coordinates are integers with a scale and an offset. Colours of 16 bits are converted to bytes; colours of
-//! writers that store bytes are kept. Intensities, classes, times, and all data after the points are ignored.
+//! writers that store bytes are kept. Classes, times, and all data after the points are ignored.
 
 mod header;
 mod laz;
@@ -16,7 +16,8 @@ use crate::memory;
 /// Points between two checks for an interruption.
 const CHECK_EVERY: usize = 1 << 12;
 
-/// Parses the points of a file, and their colours if the point format has them.
+/// Parses the points of a file, their colours if the point format has them, and their intensities unless all are zero, which
+/// the specification demands where there are none.
 ///
 /// # Errors
 /// [`Error::InvalidInput`](crate::Error::InvalidInput) if the file is truncated, damaged, of an unknown kind,
@@ -33,8 +34,9 @@ pub fn parse(content: &[u8], execution: &Execution) -> Result<CloudContent> {
             execution.check()?;
         }
         points.push(&Point {
-            position: [0, 4, 8].map(|at| bytes_at(record, at).map_or(0, i32::from_le_bytes)),
+            position: position_at(record),
             color: header.color.map_or([0; 3], |at| color_at(record, at)),
+            intensity: intensity_at(record),
         })?;
     }
     points.finish()
@@ -43,6 +45,14 @@ pub fn parse(content: &[u8], execution: &Execution) -> Result<CloudContent> {
 /// Bytes from an offset on; `None` if there are too few.
 fn bytes_at<const N: usize>(bytes: &[u8], at: usize) -> Option<[u8; N]> {
     bytes.get(at..)?.first_chunk().copied()
+}
+
+fn position_at(record: &[u8]) -> [i32; 3] {
+    [0, 4, 8].map(|at| bytes_at(record, at).map_or(0, i32::from_le_bytes))
+}
+
+fn intensity_at(record: &[u8]) -> u16 {
+    bytes_at(record, 12).map_or(0, u16::from_le_bytes)
 }
 
 fn color_at(record: &[u8], at: usize) -> [u16; 3] {
@@ -54,12 +64,14 @@ fn color_at(record: &[u8], at: usize) -> [u16; 3] {
 struct Point {
     position: [i32; 3],
     color: [u16; 3],
+    intensity: u16,
 }
 
 /// Points read so far.
 struct Points {
     places: Vec<[f64; 3]>,
     colors: Option<Vec<[u16; 3]>>,
+    intensities: Vec<f32>,
     scale: [f64; 3],
     offset: [f64; 3],
 }
@@ -70,6 +82,7 @@ impl Points {
         Ok(Self {
             places: memory::with_capacity(header.count)?,
             colors: header.color.map(|_| memory::with_capacity(header.count)).transpose()?,
+            intensities: memory::with_capacity(header.count)?,
             scale: header.scale,
             offset: header.offset,
         })
@@ -79,6 +92,7 @@ impl Points {
     fn push(&mut self, point: &Point) -> Result<()> {
         let place = |i| f64::from(point.position[i]) * self.scale[i] + self.offset[i];
         memory::push(&mut self.places, [place(0), place(1), place(2)])?;
+        memory::push(&mut self.intensities, f32::from(point.intensity))?;
         self.colors.as_mut().map_or(Ok(()), |colors| memory::push(colors, point.color))
     }
 
@@ -88,7 +102,8 @@ impl Points {
             memory::collect(colors.iter().map(|color| color.map(|value| (value >> shift) as u8)))
         };
         let colors = self.colors.map(in_bytes).transpose()?;
-        Ok(CloudContent { points: self.places, colors, ..CloudContent::default() })
+        let intensities = self.intensities.iter().any(|&value| value != 0.0).then_some(self.intensities);
+        Ok(CloudContent { points: self.places, colors, intensities, ..CloudContent::default() })
     }
 }
 

@@ -1,7 +1,7 @@
 //! Point formats 6 to 10: the items of a chunk's points are stored in layers, each a separate bit sequence.
-//! The layers of coordinates and colours are decoded, all others are skipped.
+//! The layers of coordinates, intensities and colours are decoded, all others are skipped.
 
-use super::super::{Point, Points, bytes_at, color_at};
+use super::super::{Point, Points, bytes_at, color_at, intensity_at, position_at};
 use super::arithmetic::{Decoder, Model};
 use super::colors::Colors;
 use super::cut_off;
@@ -15,8 +15,10 @@ use crate::execution::Execution;
 const CHANNELS: usize = 4;
 /// Bytes of a position with its attributes.
 const POSITION: usize = 30;
-/// Layers of a position: returns with x and y, z, and those that are skipped.
+/// Layers of a position: returns with x and y, z, intensities, and those that are skipped.
 const POSITION_LAYERS: usize = 9;
+/// The layer of intensities.
+const INTENSITY_LAYER: usize = 4;
 /// Bytes of a layer's size, and of the number of points before the sizes.
 const SIZE: usize = 4;
 
@@ -31,12 +33,13 @@ pub(super) fn read(
 ) -> Result<()> {
     let layers = layers(layout, rest).ok_or_else(cut_off)?;
     let mut point = Point {
-        position: [0, 4, 8].map(|at| bytes_at(first, at).map_or(0, i32::from_le_bytes)),
+        position: position_at(first),
+        intensity: intensity_at(first),
         color: if has_color(layout) { color_at(first, POSITION) } else { [0; 3] },
     };
     // Before version 4, colours follow the channel only if it has just changed.
     let is_version_4 = layout.items.iter().all(|item| item.version == 4);
-    let mut positions = Positions::new(first, &layers, point.position);
+    let mut positions = Positions::new(first, &layers, &point);
     let mut colors =
         has_color(layout).then(|| LayeredColors::new(layers.color, positions.channel, point.color));
     points.push(&point)?;
@@ -61,6 +64,7 @@ fn has_color(layout: &Layout) -> bool {
 struct Layers<'a> {
     returns: &'a [u8],
     z: &'a [u8],
+    intensity: &'a [u8],
     color: &'a [u8],
 }
 
@@ -74,12 +78,13 @@ fn layers<'a>(layout: &Layout, rest: &'a [u8]) -> Option<Layers<'a>> {
     });
     let number = numbers.sum::<usize>();
     let (sizes, mut bytes) = rest.get(SIZE..)?.split_at_checked(number * SIZE)?;
-    let mut layers = Layers { returns: &[], z: &[], color: &[] };
+    let mut layers = Layers { returns: &[], z: &[], intensity: &[], color: &[] };
     for (i, size) in sizes.as_chunks().0.iter().enumerate() {
         let (layer, behind) = bytes.split_at_checked(u32::from_le_bytes(*size) as usize)?;
         match i {
             0 => layers.returns = layer,
             1 => layers.z = layer,
+            INTENSITY_LAYER => layers.intensity = layer,
             POSITION_LAYERS if has_color(layout) => layers.color = layer,
             _ => {}
         }
@@ -108,10 +113,11 @@ const RETURNS: [[u8; 16]; 16] = [
     [5, 3, 3, 4, 4, 4, 4, 4, 4, 4, 4, 4, 4, 4, 5, 5],
 ];
 
-/// Decoder of the coordinates.
+/// Decoder of the coordinates and intensities.
 struct Positions<'a> {
     returns: Decoder<'a>,
     z: Option<Decoder<'a>>,
+    intensity: Option<Decoder<'a>>,
     channel: usize,
     /// `None` until the channel has a point.
     channels: [Option<Box<Channel>>; CHANNELS],
@@ -136,11 +142,15 @@ struct Channel {
     steps: [[Median; 2]; 12],
     /// The last height, by the number of later returns of the pulse.
     heights: [i32; 8],
+    intensity: u16,
+    intensities: Integers,
+    /// The last intensity, by the place of the return in its pulse and whether its time is new.
+    last_intensities: [u16; 8],
 }
 
 impl Channel {
-    /// A channel whose first point follows one at a position.
-    fn new(position: [i32; 3], this: usize, number: usize) -> Box<Self> {
+    /// A channel whose first point follows one of another channel.
+    fn new(position: [i32; 3], intensity: u16, this: usize, number: usize) -> Box<Self> {
         Box::new(Self {
             position,
             this,
@@ -156,19 +166,25 @@ impl Channel {
             z: Integers::new(32, 20),
             steps: Default::default(),
             heights: [position[2]; 8],
+            intensity,
+            intensities: Integers::new(16, 4),
+            last_intensities: [intensity; 8],
         })
     }
 }
 
 impl<'a> Positions<'a> {
-    fn new(first: &[u8], layers: &Layers<'a>, position: [i32; 3]) -> Self {
+    fn new(first: &[u8], layers: &Layers<'a>, point: &Point) -> Self {
         let byte = |at| bytes_at::<1>(first, at).map_or(0, |[byte]| usize::from(byte));
         let channel = byte(15) >> 4 & 3;
         let mut channels = [const { None }; CHANNELS];
-        channels[channel] = Some(Channel::new(position, byte(14) & 15, byte(14) >> 4));
+        let (this, number) = (byte(14) & 15, byte(14) >> 4);
+        channels[channel] = Some(Channel::new(point.position, point.intensity, this, number));
+        let decoder = |layer: &'a [u8]| (!layer.is_empty()).then(|| Decoder::new(layer));
         Self {
             returns: Decoder::new(layers.returns),
-            z: (!layers.z.is_empty()).then(|| Decoder::new(layers.z)),
+            z: decoder(layers.z),
+            intensity: decoder(layers.intensity),
             channel,
             channels,
         }
@@ -185,8 +201,9 @@ impl<'a> Positions<'a> {
         let has_switched = changed & 1 << 6 != 0;
         if has_switched {
             self.channel = (self.channel + 1 + decoder.symbol(&mut last.switches)?) % CHANNELS;
-            let (position, this, number) = (last.position, last.this, last.number);
-            last = self.channels[self.channel].get_or_insert_with(|| Channel::new(position, this, number));
+            let (position, intensity, this, number) = (last.position, last.intensity, last.this, last.number);
+            last = self.channels[self.channel]
+                .get_or_insert_with(|| Channel::new(position, intensity, this, number));
         }
         last.has_new_time = changed & 1 << 4 != 0;
         if changed & 1 << 2 != 0 {
@@ -208,10 +225,17 @@ impl<'a> Positions<'a> {
             *height = last.z.next(decoder, *height, height_context(&last.x, &last.y, is_single))?;
             last.position[2] = *height;
         }
-        if self.returns.is_cut_off() || self.z.as_ref().is_some_and(Decoder::is_cut_off) {
+        if let Some(decoder) = &mut self.intensity {
+            let context = 2 * usize::from(last.this == 1) + usize::from(last.this >= last.number);
+            let intensity = &mut last.last_intensities[2 * context + usize::from(last.has_new_time)];
+            *intensity = last.intensities.next(decoder, i32::from(*intensity), context)? as u16;
+            last.intensity = *intensity;
+        }
+        let is_cut_off = |decoder: &Option<Decoder>| decoder.as_ref().is_some_and(Decoder::is_cut_off);
+        if self.returns.is_cut_off() || is_cut_off(&self.z) || is_cut_off(&self.intensity) {
             return Err(cut_off());
         }
-        point.position = last.position;
+        (point.position, point.intensity) = (last.position, last.intensity);
         Ok(has_switched)
     }
 }

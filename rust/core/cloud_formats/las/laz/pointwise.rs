@@ -1,6 +1,6 @@
 //! Point formats 0 to 5: the items of a point follow each other in one bit sequence.
 
-use super::super::{Point, Points, bytes_at, color_at};
+use super::super::{Point, Points, bytes_at, color_at, intensity_at, position_at};
 use super::arithmetic::{Decoder, Model};
 use super::colors::{Colors, ColorsOfVersion1};
 use super::cut_off;
@@ -54,7 +54,7 @@ fn field(item: Item, bytes: &[u8], point: &mut Point) -> Result<Box<dyn Field>> 
     let is_old = item.version == 1;
     Ok(match item.kind {
         Kind::Position => {
-            point.position = [0, 4, 8].map(|at| bytes_at(bytes, at).map_or(0, i32::from_le_bytes));
+            (point.position, point.intensity) = (position_at(bytes), intensity_at(bytes));
             let attributes = Attributes::new(bytes);
             if is_old {
                 Box::new(PositionsOfVersion1::new(attributes))
@@ -159,6 +159,8 @@ struct Positions {
     attributes: Attributes,
     changed: Model,
     intensities: Integers,
+    /// The last intensity, by the context of the return.
+    last_intensities: [u16; 16],
     angles: [Model; 2],
     sources: Integers,
     x: Integers,
@@ -176,6 +178,7 @@ impl Positions {
             attributes,
             changed: Model::new(64),
             intensities: Integers::new(16, 4),
+            last_intensities: [0; 16],
             angles: Model::several(256),
             sources: Integers::new(16, 1),
             x: Integers::new(32, 2),
@@ -196,9 +199,11 @@ impl Field for Positions {
         let returns = self.attributes.returns;
         let (this, number) = (usize::from(returns & 7), usize::from(returns >> 3 & 7));
         let context = usize::from(RETURNS[number][this]);
+        let intensity = &mut self.last_intensities[context];
         if changed & 1 << 4 != 0 {
-            self.intensities.next(decoder, 0, context.min(3))?;
+            *intensity = self.intensities.next(decoder, i32::from(*intensity), context.min(3))? as u16;
         }
+        point.intensity = *intensity;
         if changed & 1 << 3 != 0 {
             self.attributes.next_class(decoder)?;
         }
@@ -287,7 +292,7 @@ impl Field for PositionsOfVersion1 {
         point.position[2] = self.z.next(decoder, point.position[2], size.min(19))?;
         let changed = decoder.symbol(&mut self.changed)?;
         if changed & 1 << 5 != 0 {
-            self.intensities.next(decoder, 0, 0)?;
+            point.intensity = self.intensities.next(decoder, i32::from(point.intensity), 0)? as u16;
         }
         if changed & 1 << 4 != 0 {
             self.attributes.next_returns(decoder)?;
