@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from cgroup import NoConsensusError, register
 from cgroup.datasets import standin_pair
@@ -62,6 +64,12 @@ def test_samples_depend_on_the_faces_alone() -> None:
     np.testing.assert_allclose(np.unique(one.round(9), axis=0), np.unique(other.round(9), axis=0))
     area = 2 * (60 * 40 + 60 * 8 + 40 * 8)
     assert area / 4 < len(one) < 2 * area / 4
+
+
+@given(exponent=st.floats(-12, 0), scale=st.sampled_from([1e-6, 1.0, 1e6]), ratio=st.floats(0, 1))
+def test_slivers_get_few_samples(exponent: float, scale: float, ratio: float) -> None:
+    corners = scale * np.array([[0.0, 0, 0], [1, 0, 0], [ratio, 10.0**exponent, 0]])
+    assert len(sample_mesh(PointCloud(corners, faces=[[0, 1, 2]]))) < 1_100_000
 
 
 def test_faces_count_in_register_and_assess() -> None:

@@ -12,7 +12,7 @@ from cgroup.features.surface import mesh_normals
 from cgroup.types import AnyCloud, FloatArray, IndexArray, PointCloud
 from cgroup.types.point_cloud import as_cloud
 
-_USUAL_POINTS, _MOST_POINTS = 40_000, 20_000_000
+_USUAL_POINTS, _MOST_ON_EDGES, _MOST_POINTS = 40_000, 1_000_000, 20_000_000  # on edges: of slivers
 
 
 @explain_wrong_calls
@@ -50,7 +50,7 @@ def sample_mesh(mesh: AnyCloud, *, spacing: float | None = None) -> PointCloud:
     solid = np.flatnonzero(doubled > 0)
     faces, corners, across, doubled = faces[solid], corners[solid], across[solid], doubled[solid]
     if size is None:
-        size = float(np.sqrt(doubled.sum() / 2 / _USUAL_POINTS))
+        size = max(np.sqrt(doubled.sum() / 2 / _USUAL_POINTS), longest_edges(corners).sum() / _MOST_ON_EDGES)
     used = np.unique(faces)
     # An area with a side: that of the normals of its corners.
     inwards = np.einsum("fx,fx->f", across, np.nansum(normals[faces], axis=1)) < 0
