@@ -11,6 +11,7 @@ use crate::verification::{Alignment, overlap};
 use super::covariance::covariance_of;
 use super::level::Pair;
 use super::posterior::Case;
+use super::settings::{ACCEPTED, ACCEPTED_WITH_RIVALS};
 
 /// Returns the share of the source's surface that overlaps the target's under a pose, that of the target's, and the root mean
 /// square of the distances.
@@ -55,6 +56,12 @@ pub struct Found {
 }
 
 impl Found {
+    /// Returns whether the pose is accepted; more is needed if other poses share the probability.
+    #[must_use]
+    pub fn is_accepted(&self) -> bool {
+        self.probability >= if self.alternatives.is_empty() { ACCEPTED } else { ACCEPTED_WITH_RIVALS }
+    }
+
     /// Returns the inverse pose, with source and target swapped.
     #[must_use]
     pub fn turned(mut self) -> Self {

@@ -14,7 +14,7 @@ use super::evidence::crossed;
 use super::found::Found;
 use super::level::{Level, Pair, Refusal};
 use super::options::{Effort, Options, Proposer};
-use super::posterior::{confirmed, is_accepted};
+use super::posterior::confirmed;
 use super::prepared::Prepared;
 use super::proposals::VoxelMatches;
 use super::search::{finish, search};
@@ -61,7 +61,7 @@ pub enum Outcome {
 
 impl Outcome {
     fn is_accepted(&self) -> bool {
-        matches!(self, Self::Found(done) if is_accepted(done.found.probability))
+        matches!(self, Self::Found(done) if done.found.is_accepted())
     }
 }
 

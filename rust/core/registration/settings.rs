@@ -73,6 +73,8 @@ pub const MAX_TILT: f64 = 10.0;
 
 /// Probability from which a pose is accepted.
 pub const ACCEPTED: f64 = 0.5;
+/// The same for a pose with alternatives, of which the evidence can prefer a wrong one.
+pub const ACCEPTED_WITH_RIVALS: f64 = 0.7;
 /// Probability from which the search ends: from 0.5 to 0.9 the same poses are accepted.
 pub const SURE: f64 = 0.7;
 /// Mean displacement of the source between two poses of one place, in prepared voxels.
