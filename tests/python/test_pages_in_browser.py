@@ -244,6 +244,7 @@ def test_each_control_acts_without_an_error(open_page: Open, kind: str) -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_page_fits_narrow_and_wide_windows(open_page: Open, kind: str) -> None:
     page = open_page(kind)
+    page.wait_for_function("!document.querySelector('.notifier-note')")  # of an image, by another test
     page.evaluate("document.querySelectorAll('details').forEach((each) => { each.open = true; })")
     for width in (*WIDTHS, WIDTHS[0])[1:]:
         page.set_viewport_size({"width": width, "height": 360})
