@@ -121,7 +121,7 @@ def _find(
     fitting, finer = levels
     locating = look(fitting)
     best = locating.run("low")
-    if not best or not pairwise.is_accepted(best[0][0].probability, has_rivals=best[0][0].has_rivals):
+    if not best or not best[0][0].is_accepted:
         locating = locating if finer is fitting else look(finer)
         found = locating.run(search.effort)
         if found and (not best or found[0][0].probability > best[0][0].probability):
@@ -191,7 +191,7 @@ class _Locating:
                     self._candidates += [_Candidate(*each, found, place) for each in poses]
             done = self._weigh()
             is_late = tried + settings.AT_A_TIME >= settings.ENOUGH
-            if done and done[0][0].probability >= (pairwise.ACCEPTED if is_late else settings.SURE):
+            if done and (done[0][0].is_accepted if is_late else done[0][0].probability >= settings.SURE):
                 break
         return done
 

@@ -55,9 +55,9 @@ class Found:
     seconds: dict[str, float] = field(default_factory=dict)  # wall time of the stages
 
     @property
-    def has_rivals(self) -> bool:
-        """Whether other poses share the probability."""
-        return len(self.alternatives) > 0
+    def is_accepted(self) -> bool:
+        """Whether the pose is accepted, by its probability and its alternatives."""
+        return is_accepted(self.probability, has_rivals=len(self.alternatives) > 0)
 
     @cached_property
     def grouping(self) -> Grouping:
@@ -101,7 +101,7 @@ def judge(
         reason = f"{reason}; {_remedy(source, target, axis, scaled=scaled)}"
         return Judgement(ok=False, probability=0.0, reason=reason, notes=())
     notes = tuple(_notes(found, source.scan, target.scan))
-    if is_accepted(found.probability, has_rivals=found.has_rivals):
+    if found.is_accepted:
         notes += (*_find_rounded(source, target), *_find_layers(source, target))
         return Judgement(ok=True, probability=found.probability, reason="", notes=notes)
     reason = _explain(found, notes[0] if found.motions > MOST_OPEN_MOTIONS else "")
@@ -121,13 +121,12 @@ def lock(found: Found, judgement: Judgement, locks: Locks) -> tuple[Found, Judge
     voxels = float(np.sqrt((moved**2).sum(axis=1).mean())) / found.voxel
     chance = found.probability * share_left(voxels)
     reason = judgement.reason
-    ok = is_accepted(chance, has_rivals=found.has_rivals)
-    if judgement.ok and not ok:
+    locked = replace(found, pose=pose, probability=chance, covariance=lambda: covariance)
+    if judgement.ok and not locked.is_accepted:
         degrees = float(np.degrees(np.linalg.norm(locks.excess(found.pose)[:3])))
         reason = f"the best pose is {voxels:.2g} voxels and {degrees:.2g} degrees off the locked axes"
         reason += "; leave out `free`, or correct the frames"
-    locked = replace(found, pose=pose, probability=chance, covariance=lambda: covariance)
-    return locked, replace(judgement, ok=ok, probability=chance, reason=reason)
+    return locked, replace(judgement, ok=locked.is_accepted, probability=chance, reason=reason)
 
 
 def share_probability(cases: Sequence[Case], scales: int = 1) -> tuple[float, FloatArray]:
@@ -169,7 +168,7 @@ def _explain(found: Found, open_motions: str) -> str:
         return open_motions
     if found.better_scale != 1.0:
         return _say_scale(found)
-    if found.has_rivals:
+    if len(found.alternatives):
         count = 1 + len(found.alternatives)
         return (
             f"several places look the same: {count} poses share the probability, and the best has "

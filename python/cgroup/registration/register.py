@@ -35,7 +35,6 @@ from cgroup.registration.pairwise import (
     as_pairs,
     as_viewpoints,
     confirm_pose,
-    is_accepted,
     judge,
     registration_of,
 )
@@ -274,7 +273,7 @@ def assess(
     placed = replace(found, pose=given, probability=chance, **there)
     judgement = judge(placed, *scans, direction)
     notes = judgement.notes
-    if is_accepted(found.probability, has_rivals=found.has_rivals) and not judgement.ok:
+    if found.is_accepted and not judgement.ok:
         placed = replace(placed, covariance=lambda: np.full((6, 6), np.nan))
         far = moved > sum(scan.scan.cloud.diagonal for scan in scans)
         where = f"{moved:.3g} away on average over the source, {moved / scans[0].voxel:.1f} voxels"
