@@ -62,7 +62,7 @@ def lead_over_chance(case: Case) -> float:
     nats = 2.0 * np.log(max(score, 1e-3)) + 2.1 * np.log1p(cells) + 3.0 * np.clip(planes - by_chance, 0, 3)
     nats -= 3.0 * np.log(max(misfit, 1.0))
     nats = nats if np.isnan(crossed) else nats - 5.0 * np.log1p(crossed / 0.02) + 2.8
-    searched = nats + 1.35 * np.log1p(support) - 3.0 * np.log(max(misfit / 4.5, 1.0)) - chance - 1.05
+    searched = nats + 1.35 * np.log1p(support) - 3.0 * np.log(max(misfit / 4.5, 1.0)) - chance - 0.6
     return float(nats if np.isnan(chance) else searched)
 
 

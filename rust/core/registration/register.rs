@@ -63,6 +63,10 @@ impl Outcome {
     fn is_accepted(&self) -> bool {
         matches!(self, Self::Found(done) if done.found.is_accepted())
     }
+
+    fn probability(&self) -> f64 {
+        if let Self::Found(done) = self { done.found.probability } else { 0.0 }
+    }
 }
 
 /// Registers two prepared scans: searches from coarse to fine voxels until a pose is sure. The result does not depend on the roles
@@ -71,8 +75,8 @@ impl Outcome {
 /// A finer level also compares the best poses of the coarser one. The most probable pose of all levels is returned.
 ///
 /// If a viewpoint is known and no pose is accepted, the scans are registered without viewpoints too: speckle of a sensor in free
-/// space and unobserved directions count against right poses of a small overlap. A pose that is accepted then is returned unless
-/// a larger share of the scans lies in free space.
+/// space and unobserved directions count against right poses of a small overlap. A pose that is accepted or more probable then is
+/// returned unless a larger share of the scans lies in free space.
 ///
 /// # Errors
 /// [`crate::Error::InvalidInput`] for voxels that are too small for the box around a scan; [`crate::Error::Interrupted`],
@@ -96,7 +100,7 @@ pub fn register(
     let (one, two) = (source.without_viewpoint(), target.without_viewpoint());
     let other = search_levels(one, two, options, &clock, execution)?;
     if let Outcome::Found(done) = &other
-        && other.is_accepted()
+        && (other.is_accepted() || other.probability() > found.probability())
     {
         let levels = [source.level(done.row, execution)?, target.level(done.row, execution)?];
         if let [Ok(source), Ok(target)] = levels

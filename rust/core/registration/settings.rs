@@ -106,7 +106,7 @@ pub const MATCHED: f64 = 1.35;
 /// Misfit beyond which it counts twice: 9 of 10 right poses have less, similar shapes more. Fitted.
 pub const MISFIT_OF_POSES: f64 = 4.5;
 /// Nats of the best pose of a search if it is wrong, beyond those of the mirrored source's. Fitted.
-pub const FOUND_BY_CHANCE: f64 = 1.05;
+pub const FOUND_BY_CHANCE: f64 = 0.6;
 /// Largest number of further planes that count.
 pub const MOST_FURTHER_PLANES: usize = 3;
 /// Nats by which the best of equal poses leads. Fitted.
