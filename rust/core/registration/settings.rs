@@ -87,8 +87,8 @@ pub const MOST_MATCHES: usize = 20;
 pub const LEAST_NOISE: f64 = 0.02;
 /// Share in free space that noise and coarse rings explain. Fitted.
 pub const CROSSED_BY_CHANCE: f64 = 0.02;
-/// Largest share in free space of a pose that is accepted without viewpoints only: speckle of right poses explains 5 %.
-pub const MOST_CROSSED: f64 = 0.05;
+/// Largest share in free space of a pose that is found without viewpoints only: speckle of right poses explains 5.5 %.
+pub const MOST_CROSSED: f64 = 0.07;
 /// Planes that wrong poses align too: three fix a pose, and among boxes a fourth is found by chance.
 pub const PLANES_BY_CHANCE: usize = 4;
 /// Share of the evidence of the mirrored source's best surfaces that counts against a pose. Fitted.
