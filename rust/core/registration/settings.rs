@@ -75,7 +75,7 @@ pub const MAX_TILT: f64 = 10.0;
 pub const ACCEPTED: f64 = 0.5;
 /// The same for a pose with alternatives, of which the evidence can prefer a wrong one.
 pub const ACCEPTED_WITH_RIVALS: f64 = 0.7;
-/// Probability from which the search ends: at 0.7 a wrong coarse pose was accepted where the fine level has the right one.
+/// Probability from which the search ends: at 0.7 a wrong coarse pose was accepted that the fine level refuses.
 pub const SURE: f64 = 0.75;
 /// Mean displacement of the source between two poses of one place, in prepared voxels.
 pub const SAME_PLACE: f64 = 2.0;
