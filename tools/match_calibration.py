@@ -40,8 +40,9 @@ Problem = tuple[str, Correspondences, np.ndarray]
 
 
 def some(items: list, count: int) -> list:
-    """Return items that are evenly spread over a list."""
-    return [items[i * len(items) // count] for i in range(min(count, len(items)))]
+    """Return up to so many items, evenly spread over a list."""
+    count = min(count, len(items))
+    return [items[i * len(items) // count] for i in range(count)]
 
 
 def dense(

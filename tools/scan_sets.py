@@ -19,11 +19,12 @@ from itertools import combinations
 from pathlib import Path
 
 import numpy as np
+from match_calibration import some
 
 from cgroup import NoConsensusError, Registration, register
 from cgroup.datasets.scan_sets import find_scan_set
 from cgroup.rigid import apply, invert, rotation_error
-from cgroup.rigid.se3 import vector_of
+from cgroup.rigid.se3 import adjoint, vector_of
 
 SETS = {
     "stanford_views/bunny": "range views of a bunny",
@@ -51,7 +52,7 @@ NO_VIEWPOINT = {
     "scenes/semi_terrain",
 }
 MOST_PAIRS = 40
-MIRRORED = 4  # of so many pairs, one is mirrored too
+MIRRORED = 4  # the source of each fourth pair is mirrored too
 LEAST_OVERLAP = 0.1
 MIRROR = np.diag([-1.0, 1.0, 1.0])
 ORIGIN = np.zeros(3)
@@ -86,23 +87,17 @@ class Counts:
             self.errors.append(normalized(truth @ invert(done.T_target_source), done.covariance))
 
 
-def some(items: list[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Return the pairs, or as many as are measured, evenly spread."""
-    count = min(len(items), MOST_PAIRS)
-    return [items[k * len(items) // count] for k in range(count)]
-
-
 def pairs_of(known: dict, count: int) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
     """Return the related and the unrelated pairs of a set."""
     every = list(combinations(range(count), 2))
     if "none" in known.get("poses", ""):
-        return [], some(every)
+        return [], some(every, MOST_PAIRS)
     listed = known.get("pairs") or [
         (each["i"], each["j"])
         for each in known.get("overlaps", [])
         if min(each["overlap_i"], each["overlap_j"]) >= LEAST_OVERLAP
     ]
-    return some(as_pairs(listed) or every), as_pairs(known.get("unrelated_pairs", []))
+    return some(as_pairs(listed) or every, MOST_PAIRS), as_pairs(known.get("unrelated_pairs", []))
 
 
 def as_pairs(entries: list) -> list[tuple[int, int]]:
@@ -124,14 +119,6 @@ def is_correct(done: Registration, truth: np.ndarray, source: np.ndarray, limits
     middle = source.mean(axis=0)[None]
     offset = np.linalg.norm(apply(done.T_target_source, middle) - apply(truth, middle))
     return rotation_error(done.T_target_source, truth) < degrees and offset < max(length, 4 * done.voxel)
-
-
-def adjoint(pose: np.ndarray) -> np.ndarray:
-    """Return the (6,6) matrix that moves a motion, a rotation before a translation, to another frame."""
-    rotation, (x, y, z) = pose[:3, :3], pose[:3, 3]
-    matrix = np.kron(np.eye(2), rotation)
-    matrix[3:, :3] = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]) @ rotation
-    return matrix
 
 
 def normalized(error: np.ndarray, covariance: np.ndarray) -> float:
